@@ -100,6 +100,9 @@ def captures(folder: Path) -> dict[str, Reader]:
     shots.append(shots[0].replace(b"directions", b"positions_mm").replace(
         b"exposure_s = 0.01\n", b"exposure_s = 0.01\nview = [0, 0, 1]\nangles = { stage = 0.1 }\n"
     ))  # fmt: skip
+    lights = io.read_lights(folder / "session" / "a.lp")
+    write_shots(folder / "bracket.toml", plan_shots(lights, exposure_s=(0.002, 0.008)))
+    shots.append((folder / "bracket.toml").read_bytes())
     entry = Entry("a", "photographs/a.tif", "0" * 64, 1, 0.01, 1.7e9, 2, 0.5)
     odd = vars(Misfire("dark", "no lamp", "look"))
     lines: list[dict[str, Any]] = [

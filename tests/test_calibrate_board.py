@@ -269,6 +269,11 @@ def test_options_that_do_not_fit(made: Path, tmp_path: Path) -> None:
     assert "reflectance" in refused(made, made / "board", reflectance=0.0)
     assert "no brighter than the dark frame" in refused(made, made / "board", dark=14000.0)
     assert "is not a folder" in refused(made, tmp_path / "none")
+    # The code as it was given, whatever the tone curve makes of it.
+    for encoding in ("linear", "srgb"):
+        text = refused(made, made / "board", dark=1e9, encoding=encoding)
+        assert "dark: expected finite codes below full scale (65535)" in text
+        assert "(such as 1e+09)" in text
     for saturation in (np.nan, 0.0, -3.0):
         text = refused(made, made / "board", saturation=saturation)
         assert "saturation: expected the code from which" in text

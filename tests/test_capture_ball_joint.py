@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,21 +15,31 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+import captures
 from impasto import Rig, simulate
 from impasto.capture import (
     BallJointPlan,
     BallJointRig,
     Noise,
+    Pose,
     Setting,
+    Shot,
+    ShotPlan,
     exposures_from_pilot,
     plan_ball_joint_shots,
+    read_shots,
+    run,
 )
 from impasto.capture.ball_joint_picture import from_mirror
 from impasto.capture.ball_joint_shots import reference_setting
+from impasto.capture.drivers import simulated
+from impasto.capture.drivers.by_hand import HandStage
+from impasto.capture.drivers.faults import Faults
+from impasto.capture.drivers.simulated import SimulatedBallJoint, SimulatedRig
 from impasto.capture.travelling_salesman import length_of, nearest_neighbour, two_opt
 from impasto.cli import main
 from impasto.errors import ArgumentError, GeometryError
-from impasto.io import read_lights, write_lights, write_tiff16
+from impasto.io import read_lights, read_session, write_lights, write_tiff16
 
 PAIRS = simulate.rig("snel-lafortune")
 FREE = BallJointRig(
@@ -340,46 +351,158 @@ def test_the_command_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture
 # --- the command
 
 
-def test_the_command_writes_shots_lights_and_a_picture(
+def some_pairs(folder: Path, step: int) -> tuple[Rig, Path]:
+    """Every few of the paper's pairs, and their light file."""
+    some, path = PAIRS.take(range(0, 770, step)), folder / "pairs.csv"
+    write_lights(path, some, [f"pair {number}" for number in range(len(some))])
+    return some, path
+
+
+def room(shot: Shot, lamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a shot's angles make of lamp and camera, in SciPy's rotations."""
+    assert shot.lamp is not None
+    angles = shot.pose.angles
+    turn = Rotation.from_euler("YXZ", [angles[name] for name in ("pan", "tilt", "roll")]).inv()
+    eye = Rotation.from_euler("y", angles["camera"]).apply([0.0, 0.0, 1.0])
+    return turn.apply(lamps[shot.lamp - 1]), turn.apply(eye)
+
+
+def test_the_command_writes_a_plan_lights_and_a_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, pairs = tmp_path / "shots.csv", tmp_path / "pairs.csv"
-    some = PAIRS.take(range(0, 770, 9))
-    write_lights(pairs, some, [f"pair {number}" for number in range(len(some))])
-    words = ["capture", "ball-joint", str(pairs), "--out", str(out), "--every", "20", "--quiet"]
+    out = tmp_path / "shots.toml"
+    some, pairs = some_pairs(tmp_path, 9)
+    words = ["capture", "ball-joint", str(pairs), "--out", str(out), "--every", "20", "--quiet",
+             "--exposure", "2,8", "--darks", "2", "--distance", "800"]  # fmt: skip
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "moves of the lamp" in said
     assert "gamma of 10000 pixels, %" in said
-    with out.open() as file:
-        rows = list(csv.DictReader(file))
-    shots = [row for row in rows if row["kind"] == "shot"]
-    assert len(shots) == len(some)
-    assert len(rows) - len(shots) >= 6
-    for row in shots[::10]:
-        joints = [math.radians(float(row[f"{name}_deg"])) for name in ("pan", "tilt", "roll")]
-        lamp, eye = (
-            Rotation.from_euler("y", float(row[f"{name}_deg"]), degrees=True).apply([0, 0, 1])
-            for name in ("lamp", "camera")
-        )
-        turn = Rotation.from_euler("YXZ", joints).inv()
-        light, view = (
-            [float(row[f"{kind}_{axis}"]) for axis in "xyz"] for kind in ("light", "view")
-        )
-        # Four digits of degrees.
-        np.testing.assert_allclose(turn.apply(lamp), light, atol=5e-6)
-        np.testing.assert_allclose(turn.apply(eye), view, atol=5e-6)
+    plan = read_shots(out)
+    assert [shot.exposure_s for shot in plan.of("dark")] == [0.008, 0.008]
+    photographs = plan.photographs()
+    assert len(photographs) == len(some)
+    assert len(plan.of("reference")) >= 6
+    at = [math.atan2(x, z) for x, _, z in plan.directions.tolist()]
+    assert at == pytest.approx(np.radians([-45.0, 0.0, 45.0]))
+    assert plan.positions_mm is not None
+    np.testing.assert_allclose(plan.positions_mm, 800.0 * plan.directions, rtol=1e-15)
+    for shots in list(photographs.values())[::10]:
+        assert [one.exposure_s for one in shots] == [0.002, 0.008]
+        # To machine precision: a dozen products of sines and cosines, 2e-16 each.
+        found = room(shots[0], plan.directions)
+        np.testing.assert_allclose(found, (shots[0].pose.light, shots[0].pose.view), atol=3e-15)
     file = read_lights(tmp_path / "shots_lights.csv")
     assert file.names is not None
     assert file.views is not None
-    by_name = {row["photograph"]: row for row in shots}
-    assert set(file.names) == set(by_name)
-    row = by_name[file.names[3]]
-    for own, kind in ((file.directions[3], "light"), (file.views[3], "view")):
-        np.testing.assert_allclose(
-            own, [float(row[f"{kind}_{axis}"]) for axis in "xyz"], atol=1e-15
-        )
+    assert set(file.names) == set(photographs)
+    for number in (3, 7):
+        pose = photographs[file.names[number]][0].pose
+        np.testing.assert_allclose(file.directions[number], pose.light, atol=1e-15)
+        np.testing.assert_allclose(file.views[number], pose.view, atol=1e-15)
     assert cv2.imread(str(tmp_path / "shots.png")).shape[1] > 1500
+
+
+def small_rig(kind: type[SimulatedRig], plan: ShotPlan) -> SimulatedRig:
+    return kind(captures.painting(), plan.directions, seed=5, bands=captures.camera())
+
+
+def test_a_ball_joint_rig_is_shot_with_capture_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Angles go to the stage, and light and view of the session are those of SciPy's rotations.
+
+    The simulated rig computes both from the angles: its photographs are compared with those of a
+    rig that is told the directions of the pairs. Both have noise of their own, 0.5 % at most.
+    """
+    monkeypatch.setattr("impasto.simulate.painting", lambda **_: captures.painting())
+    monkeypatch.setattr(simulated, "camera_named", lambda name: captures.camera())
+    shots, out = tmp_path / "shots.toml", tmp_path / "out"
+    _, pairs = some_pairs(tmp_path, 150)
+    words = ["capture", "ball-joint", str(pairs), "--out", str(shots), "--darks", "1",
+             "--every", "4", "--distance", "900", "--quiet"]  # fmt: skip
+    assert main(words) == 0
+    assert main(["capture", "run", "--shots", str(shots), "--out", str(out), "--quiet"]) == 0
+    plan, session = read_shots(shots), read_session(out)
+    assert len(list((out / "reference").iterdir())) == len(plan.of("reference")) >= 3
+    assert session.positions_mm is not None
+    assert session.views is not None
+    told = small_rig(SimulatedRig, plan)
+    for shot in plan.of("photograph"):
+        light, view = room(shot, plan.directions)
+        name = f"{shot.name}.png"
+        # The lamp keeps its distance: the painting turns about its middle.
+        np.testing.assert_allclose(session.positions_mm[name], 900.0 * light, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(session.views[name], view, atol=1e-14)
+        told.set_exposure(shot.exposure_s)
+        told.move(Pose(tuple(view.tolist()), tuple(light.tolist())))
+        told.switch_on(1)
+        expected = cv2.imdecode(np.frombuffer(told.trigger().data, np.uint8), cv2.IMREAD_UNCHANGED)
+        found = cv2.imread(str(out / "photographs" / name), cv2.IMREAD_UNCHANGED)
+        assert float(np.abs(found.astype(float) - expected).mean()) < 0.005 * 65535
+    assert main(["capture", "check", str(out), "--quiet"]) == 0
+    capsys.readouterr()
+    fixed = ["capture", "run", "--shots", str(shots), "--out", str(tmp_path / "b"), "--quiet"]
+    assert main([*fixed, "--stage", "fixed"]) == 1
+    assert "--stage: the plan sets the joints pan, tilt, roll, camera" in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+
+
+def test_a_person_is_told_the_angles() -> None:
+    """Once for each setting; a confirmation after each."""
+    said: list[str] = []
+    stage = HandStage(("pan", "camera"), said.append, lambda: said.append("done"))
+    pose = Pose(angles={"pan": math.radians(12.34), "camera": math.radians(-45.0)})
+    assert stage.move(Pose()) == Pose()
+    assert stage.move(pose) == pose
+    assert stage.move(pose) == pose
+    assert said == ["set pan to 12.3, camera to -45.0 degrees", "done"]
+
+
+def posed(**changes: Any) -> ShotPlan:
+    """A plan of one shot of a ball joint, at rest but for what is changed."""
+    rest = Pose((0.0, 0.0, 1.0), (0.6, 0.0, 0.8), dict.fromkeys(("pan", "tilt", "roll"), 0.0))
+    rest = replace(rest, angles={**rest.angles, "camera": 0.0})
+    pose = replace(rest, **changes)
+    return ShotPlan((Shot("a", "photograph", 1, 0.01, pose),), np.array([[0.6, 0.0, 0.8]]))
+
+
+@pytest.mark.parametrize(
+    ("plan", "said"),
+    [
+        (posed(angles={"pan": 0.0, "yaw": 0.2}), r"sets the joints yaw \(first in shot 'a'\), but"),
+        (posed(angles={"pan": 0.0}), "shot 'a' has no angle of the joint tilt"),
+        (posed(light=(0.0, 0.6, 0.8)), r"light of shot 'a' is 50\.2\d degrees off the direction"),
+        (posed(view=None), r"shot 'a' has angles, but no view, .*: 0.0000, 0.0000, 1.0000"),
+    ],
+)  # fmt: skip
+def test_what_means_nothing_to_a_rig_is_named(plan: ShotPlan, said: str, tmp_path: Path) -> None:
+    """Before anything is taken; the angle of two directions at right angles about z.
+
+    cos = 0.64 between (0.6, 0, 0.8) and (0, 0.6, 0.8): 50.2 degrees.
+    """
+    rig = small_rig(SimulatedBallJoint, plan)
+    with pytest.raises(ArgumentError, match=said):
+        run(plan, rig, rig, rig, tmp_path / "out", warm_up_s=None)
+    assert rig.taken == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_reference_poses_of_each_place_of_the_lamp_are_compared(tmp_path: Path) -> None:
+    """A lamp that has lost 5 % when it is at its place again, which is not the first place."""
+    angles = {"pan": 0.0, "tilt": 0.0, "roll": 0.0, "camera": 0.0}
+    lamps = np.array([[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]])
+
+    def reference(number: int, lamp: int) -> Shot:
+        x, y, z = lamps[lamp - 1].tolist()
+        pose = Pose((0.0, 0.0, 1.0), (x, y, z), angles)
+        return Shot(f"reference_{number}", "reference", lamp, 0.01, pose)
+
+    plan = ShotPlan(tuple(reference(n, lamp) for n, lamp in enumerate((1, 2, 2), 1)), lamps)
+    rig = SimulatedBallJoint(captures.painting(), lamps, Faults({3: "drift"}), 5, captures.camera())
+    run(plan, rig, rig, rig, tmp_path / "out", warm_up_s=None)
+    found = captures.lines_of(tmp_path / "out", "tried")
+    assert {(one["tried"], one["code"]) for one in found} == {("reference_3", "lamp-drift")}
 
 
 @pytest.mark.parametrize(
@@ -389,7 +512,9 @@ def test_the_command_writes_shots_lights_and_a_picture(
         (["snel-lafortune", "--tilt", "30"], "cannot be reached: tilt would be"),
         (["snel-lafortune", "--lamps", "left"], "--lamps: expected degrees such as -45,0,45"),
         (["snel-lafortune", "--pan", "300"], "pan: expected -pi to pi radians"),
-        (["snel-lafortune", "--out", "shots.txt"], "--out: expected a name that ends in .csv"),
+        (["snel-lafortune", "--out", "shots.csv"], "--out: expected a name that ends in .toml"),
+        (["snel-lafortune", "--exposure", "2,no"], "--exposure: expected milliseconds such as 10"),
+        (["snel-lafortune", "--distance", "-2"], "--distance: expected a positive width in mm"),
     ],
 )
 def test_what_the_command_refuses(

@@ -15,7 +15,7 @@ from impasto.capture import Pose, ShotPlan, read_shots, write_shots
 from impasto.capture.drivers import simulated
 from impasto.cli import main
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io import write_lights
+from impasto.io import read_session, write_lights
 
 # --- shots.toml
 
@@ -119,6 +119,25 @@ def test_a_dry_run_prints_a_plan_that_can_be_run(
     shots = tmp_path / "shots.toml"
     shots.write_text(printed.out)
     assert main(words("run", "--shots", shots, "--out", tmp_path / "a", "--quiet")) == 0
+
+
+def test_a_plan_of_lamps_is_what_run_photographs(
+    light: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Dark frames and reference shots with the lamps that tell most; exposures of a light file."""
+    shots, out = tmp_path / "plan.toml", tmp_path / "out"
+    assert main(words("plan", "none", "--add", 4, "--out", shots, "--quiet")) == 0
+    assert main(words("run", "--shots", shots, "--out", out, "--quiet")) == 0
+    assert "taken    9 of 9 shots" in capsys.readouterr().out
+    plan = read_shots(shots)
+    session = read_session(out)
+    assert session.directions is not None
+    for number, found in enumerate(session.directions.values()):
+        np.testing.assert_array_equal(found, plan.directions[number])
+    assert main(words("run", "--lights", light, "--dry-run", "--exposure", "2,8")) == 0
+    assert capsys.readouterr().out.count("exposure_s = [0.002, 0.008]") == 6
+    assert main(words("run", "--lights", light, "--dry-run", "--exposure", "0")) == 1
+    assert "--exposure: expected milliseconds above 0" in capsys.readouterr().err
 
 
 def test_the_retake_list_of_a_check(

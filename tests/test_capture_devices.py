@@ -279,6 +279,14 @@ def test_a_person_is_told_which_lamp(tmp_path: Path) -> None:
     assert len(confirmed) == 2
 
 
+def test_a_person_is_told_another_exposure(tmp_path: Path) -> None:
+    """As in a bracket; the first one is set before the capture."""
+    said: list[str] = []
+    camera = FolderCamera(tmp_path, said.append)
+    assert [camera.set_exposure(seconds) for seconds in (0.002, 0.002, 0.0333, 0.002)] == [None] * 4
+    assert said == ["set the exposure time to 33.3 ms", "set the exposure time to 2 ms"]
+
+
 def test_a_capture_by_hand_is_paired_and_its_exif_compared(tmp_path: Path) -> None:
     """A person who does what she is told; the second photograph has the wrong time at first."""
     image_module = pytest.importorskip("PIL.Image")

@@ -89,6 +89,18 @@ def test_poses_exposures_and_boards_go_into_the_session(tmp_path: Path) -> None:
     assert result.complete
     assert session.intensities == (1.0, 0.5, 1.0)
     assert session.white == tuple(f"board/white_{n}.png" for n in (1, 2, 3))
+    assert session.board_exposure == (1.0, 0.5, 1.0)
+    # The same reflectance as with boards of the same time; the noise of a sample is 0.5 % of full
+    # scale at most, and the medians are of 19 200 samples.
+    darks = tuple(Shot(f"dark_{n}", "dark", None, 0.01) for n in (1, 2))
+    own = replace(shots, shots=(*darks, *shots.shots))
+    same = replace(own, shots=tuple(replace(one, exposure_s=0.01) for one in own.shots))
+    for name, plan in (("c", own), ("d", same)):
+        captures.taken(plan, captures.rig(plan), tmp_path / name)
+    assert read_session(tmp_path / "d").board_exposure is None
+    found, expected = (impasto.read_stack(tmp_path / name).samples for name in "cd")
+    for one, other in zip(found, expected, strict=True):
+        assert float(np.nanmedian(one / other)) == pytest.approx(1.0, abs=0.003)
     posed = replace(shots, shots=(replace(shots.shots[3], pose=Pose(view=side)), shots.shots[5]))
     captures.taken(posed, captures.rig(posed), tmp_path / "b")
     assert read_session(tmp_path / "b").views == {"a.png": side, "c.png": (0.0, 0.0, 1.0)}
@@ -99,6 +111,7 @@ def test_a_stage_that_stops_short_is_ordered_again(tmp_path: Path) -> None:
 
     class Sticking(SimulatedRig):
         stuck = 1
+        joints = ("tilt",)
 
         def move(self, pose: Pose) -> Pose:
             behind, self.stuck = self.stuck, 0

@@ -235,6 +235,9 @@ def test_files_that_hold_no_lens(tmp_path: Path) -> None:
     assert "focal lengths of a pixel or more" in said(camera_matrix=flat)
     assert "columns and rows from 1 on" in said(size_px=[0, 10])
     assert "cannot be read as the file of a lens" in said(size_px=None)
+    path.write_text(json.dumps({k: v for k, v in content.items() if k != "model"}))
+    with pytest.raises(CorruptInputError, match=r"the file of a lens \(it has no 'model'\)"):
+        read_lens(path)
     path.write_text("{")
     with pytest.raises(CorruptInputError, match="not valid JSON"):
         read_lens(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,9 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
+from impasto._internal.peak import peak_bytes
 from impasto.cli import main
-from impasto.rehearsal.course import moving_steps, steps
-from impasto.rehearsal.moving_views import FLATTEST, steep_pairs
+from impasto.errors import ArgumentError
+from impasto.rehearsal.course import Step, carried_out, moving_steps, steps
+from impasto.rehearsal.moving_views import CARD_AT, CARD_SIDES, FLATTEST, steep_pairs
 from impasto.rehearsal.moving_views import LATTICE as LENS_LATTICE
 from impasto.rehearsal.moving_views import MARKER as LARGE
 from impasto.rehearsal.photographs import BALL, LATTICE, MARKER, Session
@@ -189,6 +192,7 @@ def test_the_page_has_the_commands_of_moving_views() -> None:
     session = SimpleNamespace(
         size_mm=(28.0, 28.0), painting=SimpleNamespace(size=(128, 128)), rim=6,
         marker_mm=LARGE * 25.6, lattice_mm=LENS_LATTICE * 25.6,
+        card_mm=tuple(25.6 * share for share in (*CARD_AT, *CARD_SIDES)),
     )  # fmt: skip
     assert re.findall(r"^\$ (.*)$", section, re.M) == [
         str(one) for one in moving_steps(session, 0.2)
@@ -205,6 +209,39 @@ def test_the_page_has_the_commands_that_are_run() -> None:
     assert re.findall(r"^\$ (.*)$", section, re.M) == [
         str(one) for one in steps(session, 3000, 0.2)
     ]
+
+
+def test_a_command_that_fails_is_told_to_its_last_line(tmp_path: Path) -> None:
+    """Nothing of what it printed is lost, and what runs after it does not run."""
+    step = Step(("session", "check", "nowhere"), "is all there?")
+    with pytest.raises(ArgumentError) as caught:
+        list(carried_out(tmp_path, [step, step]))
+    said = str(caught.value)
+    head = "impasto session check nowhere ended with exit code 1: impasto: nowhere: cannot be read"
+    assert said.startswith(head)
+    assert said.count("impasto session check") == 1
+
+
+def test_memory_is_that_of_the_system_or_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The maximum of a process never falls; a system without ``/proc`` is asked another way.
+
+    ``getrusage`` counts in pages of 4 KiB and is brought up to date later than ``/proc``: both
+    agree here within 64 MiB, or it counts the larger parent, which is more.
+    """
+    whole = np.ones(1 << 24)
+    found = peak_bytes()
+    assert found is not None
+    assert found > whole.nbytes
+    monkeypatch.setattr(Path, "read_text", missing)
+    other = peak_bytes()
+    assert other is not None
+    assert other > found - (1 << 26)
+    monkeypatch.setitem(sys.modules, "resource", None)
+    assert peak_bytes() is None
+
+
+def missing(*_: object, **__: object) -> str:
+    raise FileNotFoundError
 
 
 @pytest.mark.parametrize(

@@ -50,4 +50,6 @@ def damage_of(path: Path, what: str) -> Iterator[None]:
         if isinstance(error, OSError) and error.errno not in {None, errno.EINVAL}:
             raise
         problem = str(error) or type(error).__name__
+        if type(error) is KeyError:
+            problem = f"it has no {error.args[0]!r}" if error.args else "a key is missing"
         raise CorruptInputError(path, f"cannot be read as {what} ({problem})") from error

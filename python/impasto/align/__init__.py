@@ -1,5 +1,6 @@
 """Alignment: photographs rectified to the frontal view of a painting, pixel for pixel."""
 
+from impasto.align.card import Card
 from impasto.align.depth_picture import depth_picture
 from impasto.align.depth_search import FoundDepth, find_depth
 from impasto.align.detection import FoundMarks, find_marks
@@ -19,6 +20,7 @@ from impasto.rectification import Grid, Rectified, rectified, rectified_rows
 __all__ = [
     "Aligned",
     "AlignedPhotograph",
+    "Card",
     "DepthMesh",
     "FoundDepth",
     "FoundMarks",

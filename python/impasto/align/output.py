@@ -59,18 +59,22 @@ def write_stack_lights(
 ) -> str:
     """Write the lights with the cameras that the lens shows; returns the name, empty for none.
 
-    Each pixel then has its own direction to the camera (:class:`impasto.PointView`).
+    Each pixel then has its own direction to the camera (:class:`impasto.PointView`). Positions of
+    near lamps are kept: in ``lights.csv`` beside the cameras, else in ``lights.dome``, whose lamps
+    follow in the order of the photographs.
     """
     if file is None:
         return ""
-    own = replace(file, names=tuple(names))
+    width_mm = grid.columns * grid.pixel_mm
+    own = replace(file, names=tuple(names), pitch_mm=grid.pixel_mm, width_mm=width_mm)
     places = None
     if own.views is None and cameras is not None:
         places = cameras_of([one.place_mm for one in cameras])
     if places is not None:
         views = places / np.linalg.norm(places, axis=1, keepdims=True)
-        own = replace(own, views=views, view_positions=places, pitch_mm=grid.pixel_mm)
-    name = "lights.lp" if own.views is None else "lights.csv"
+        own = replace(own, views=views, view_positions=places)
+    plain = "lights.lp" if own.positions is None else "lights.dome"
+    name = plain if own.views is None else "lights.csv"
     write_lights(folder / name, own)
     if file.intensities is not None:
         rows = np.atleast_2d(file.intensities.T).T.tolist()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import length_mm
+from impasto.align.card import Card, black_of, strength
 from impasto.align.depth_picture import depth_picture
 from impasto.align.depth_search import FoundDepth, find_depth
 from impasto.align.detection import FoundMarks, find_marks
@@ -31,6 +32,7 @@ from impasto.io.depth_mesh import as_written, write_depth
 from impasto.io.folders import new_folder
 from impasto.io.images.write import write_json, write_png8
 from impasto.io.lights import LightFile
+from impasto.io.session.frames import FrameSource
 from impasto.io.session.linear_codes import Photograph, read_photograph
 from impasto.lens import Lens
 from impasto.rectification import Grid, middle_of, rectified
@@ -76,6 +78,8 @@ def align(
     refine: bool = False,
     fixed_camera: bool = False,
     lights: str | Path | None = None,
+    card: Card | None = None,
+    dark: FrameSource | None = None,
     encoding: str | None = None,
     saturation: float | None = None,
     progress: Progress | None = None,
@@ -117,6 +121,12 @@ def align(
         missing in some photographs.
     lights
         The light file; default: the only one in the folder.
+    card
+        A white card in all photographs, from which the strength of the lamp is measured in each; it
+        replaces strengths of the light file. ``light_intensities.txt`` holds them.
+    dark
+        Dark frames or a black level in codes, as for :func:`impasto.read_stack`; subtracted from
+        the light of the card. Aligned photographs keep their black level.
     encoding
         As for :func:`impasto.read_stack`; default: 8-bit files by their profile, else sRGB.
     saturation
@@ -144,6 +154,8 @@ def align(
     paths = photographs_of(folder)
     file = lights_of(folder, None if lights is None else Path(lights), [p.name for p in paths])
 
+    if card is not None and file is None:
+        raise ArgumentError("card: needs a light file, which says where the lamps are")
     if depth is not False and lens is None:
         raise ArgumentError("depth: needs the lens, without which no camera has a place")
     estimated = depth is True
@@ -156,6 +168,7 @@ def align(
     def read(number: int) -> Photograph:
         return read_photograph(paths[number], encoding, saturation)
 
+    black = black_of(dark, paths[0], encoding)
     count = len(paths)
     seen = _views(paths, read, layout, lens, fixed_camera, lambda done: step_done(0, done, count))
     views = [one.view for one in seen]
@@ -183,6 +196,7 @@ def align(
     out.parent.mkdir(parents=True, exist_ok=True)
     covered = np.ones((grid.rows, grid.columns), dtype=bool)
     done: list[AlignedPhotograph] = []
+    strengths: list[Floats] = []
     names = [f"{path.stem}.tif" for path in paths]
     shown = shown_photographs(views)
     overviews: dict[int, Overview] = {}
@@ -190,6 +204,12 @@ def align(
         (made / "report").mkdir()
         for number, (path, one) in enumerate(zip(paths, seen, strict=True)):
             photograph = read(number)
+            if card is not None and file is not None:
+                near = file.positions is not None
+                lamps = file.directions if file.positions is None else file.positions
+                strengths.append(
+                    strength(photograph, one.view, card, lamps[number], near, black, path.name)
+                )
             share = write_photograph(
                 made / names[number], photograph, one.view, grid, shifts[number],
                 parallaxes[number], covered,
@@ -207,6 +227,8 @@ def align(
         if mesh is not None:
             write_depth(made / "report" / "depth.csv", mesh)
             write_png8(made / "report" / "depth.png", depth_picture(mesh, found, cameras))
+        if file is not None and strengths:
+            file = replace(file, intensities=np.stack(strengths))
         written = write_stack_lights(made, file, names, cameras, grid)
         result = Aligned(grid, lens, tuple(done), float(covered.mean()), written, mesh, found)
         write_json(made / "report" / "alignment.json", report_of(result))

@@ -9,9 +9,9 @@ from impasto.capture.ball_joint_picture import ball_joint_picture
 from impasto.capture.ball_joint_shots import (
     BallJointPlan,
     BallJointShot,
+    ball_joint_plan,
     plan_ball_joint_shots,
     write_ball_joint_lights,
-    write_ball_joint_shots,
 )
 from impasto.capture.devices import CameraDevice, FixedStage, Frame, Lights, Pose, Stage
 from impasto.capture.examine import check
@@ -22,7 +22,8 @@ from impasto.capture.plan_picture import plan_picture
 from impasto.capture.planning import better_lights, hemisphere
 from impasto.capture.result import CaptureResult, Retake
 from impasto.capture.run import run
-from impasto.capture.shots import Shot, ShotPlan, plan_shots, read_shots, write_shots
+from impasto.capture.shots import Shot, ShotPlan, plan_shots
+from impasto.capture.shots_file import read_shots, write_shots
 
 __all__ = [
     "BallJointPlan",
@@ -43,6 +44,7 @@ __all__ = [
     "ShotPlan",
     "Stage",
     "ball_joint_picture",
+    "ball_joint_plan",
     "better_lights",
     "check",
     "expected_errors",
@@ -54,6 +56,5 @@ __all__ = [
     "read_shots",
     "run",
     "write_ball_joint_lights",
-    "write_ball_joint_shots",
     "write_shots",
 ]

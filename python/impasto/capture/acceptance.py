@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from impasto.capture.devices import Frame
-from impasto.capture.examine import Known, moved_reference
+from impasto.capture.examine import Known
 from impasto.capture.frames import Picture, read_picture
 from impasto.capture.misfires import (
     Misfire,
@@ -15,6 +15,7 @@ from impasto.capture.misfires import (
     drifted,
     duplicate_frame,
     light_in_the_dark,
+    moved,
     no_light,
     sharpness,
     wrong_exposure,
@@ -76,19 +77,23 @@ def accepted(shot: Shot, frame: Frame, path: Path, known: Known, seen: dict[str,
     if shot.kind == "dark":
         refuse(light_in_the_dark(picture.level, known.darks))
         return picture
-    refuse(clipped(picture.clipped))
+    # Of a bracket, only the shortest exposure has to be whole.
+    if shot.bracket is None or shot == known.plan.photographs()[shot.bracket][0]:
+        refuse(clipped(picture.clipped))
     if known.base is None and shot.kind == "reference":
         refuse(dark_reference(picture.level - known.dark))
     if known.base is None or shot.kind == "board":
         return picture
     base = known.base + known.dark
     refuse(no_light(picture.level, known.dark, base, _share(shot, known)))
-    if shot.kind == "reference" and shot.pose == known.plan.of("reference")[0].pose:
-        refuse(moved_reference(known, picture))
-        if known.place is not None and known.reference is not None:
-            found = known.place.evidence(picture).sharpness
-            refuse(blurred(found, sharpness(known.reference)))
-        refuse(drifted(picture.level - known.dark, known.base))
+    if shot.kind == "reference":
+        first = known.patch_of(shot)
+        if known.place is not None and first is not None:
+            evidence = known.place.evidence(picture)
+            refuse(moved(first, evidence.patch))
+            refuse(blurred(evidence.sharpness, sharpness(first)))
+        if (own := known.base_of(shot)) is not None:
+            refuse(drifted(picture.level - known.dark, own))
     return picture
 
 
@@ -100,4 +105,6 @@ def _share(shot: Shot, known: Known) -> float:
         for light in (known.plan.light_of(shot), known.plan.light_of(first))
         if light is not None
     )
-    return own / reference * shot.exposure_s / first.exposure_s
+    share = own / reference * shot.exposure_s / first.exposure_s
+    # A long exposure of a bracket clips: no photograph shows more than full scale.
+    return min(share, 1.0 / known.base) if known.base else share

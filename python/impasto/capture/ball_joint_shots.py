@@ -8,9 +8,8 @@ photographs show a lamp that drifts.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import is_whole
-from impasto.capture.ball_joint import BallJointRig, Setting
+from impasto._internal.checks import is_whole, length_mm
+from impasto.capture.ball_joint import JOINTS, BallJointRig, Setting, in_plane
+from impasto.capture.devices import Pose
+from impasto.capture.shots import Shot, ShotPlan, exposed, exposures_of, unit_vector
 from impasto.capture.travelling_salesman import length_of, nearest_neighbour, two_opt
 from impasto.errors import ArgumentError, GeometryError
 from impasto.io import LightFile, write_lights
-from impasto.io.files import atomic_bytes
 from impasto.rig import Rig
 
 Floats = NDArray[np.float64]
@@ -36,10 +36,6 @@ CHOICES = 2
 """Settings of a pair that the order may choose from."""
 REFERENCE = math.radians(45.0)
 """Angle between lamp and camera in a reference pose: beside the highlight of a flat painting."""
-COLUMNS = (
-    "photograph", "kind", "lamp_deg", "pan_deg", "tilt_deg", "roll_deg", "camera_deg",
-    "light_x", "light_y", "light_z", "view_x", "view_y", "view_z",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,24 +137,53 @@ def plan_ball_joint_shots(
     )  # fmt: skip
 
 
-def write_ball_joint_shots(path: str | Path, plan: BallJointPlan) -> None:
-    """Write a plan as a table: one shot a line, in order, angles in degrees.
+def ball_joint_plan(
+    plan: BallJointPlan,
+    *,
+    exposure_s: float | Sequence[float] = 0.01,
+    darks: int = 3,
+    distance_mm: float | None = None,
+) -> ShotPlan:
+    """The shots as :func:`impasto.capture.run` takes them, reference poses among them.
 
-    Columns are those of ``COLUMNS``: name and kind (``shot`` or ``reference``), the place of the
-    lamp, the joints, the camera, and the directions to light and eye in the painting's frame. The
-    file is replaced atomically.
+    Lamps are the places of the lamp, in the frame of the room; each shot has the angles of the
+    joints ``pan``, ``tilt``, ``roll`` and ``camera``, and the directions to lamp and eye that they
+    give in the frame of the painting.
+
+    Parameters
+    ----------
+    plan
+        From :func:`plan_ball_joint_shots`.
+    exposure_s
+        Exposure time in seconds; several: an exposure bracket of each pair, as for
+        :func:`plan_shots`.
+    darks
+        How many dark frames, at the beginning.
+    distance_mm
+        From the middle of the painting to the lamp; None: far away.
+
+    Raises
+    ------
+    ArgumentError
+        Numbers that are none.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for shot in plan.shots:
-        angles = [plan.rig.lamps[shot.setting.lamp], *shot.setting.angles.tolist()]
-        kind = "reference" if shot.pair is None else "shot"
-        # Adding 0 makes a negative zero a zero.
-        degrees = [f"{round(math.degrees(angle), 4) + 0.0:.4f}" for angle in angles]
-        directions = [*shot.light.tolist(), *shot.view.tolist()]
-        writer.writerow([shot.name, kind, *degrees, *map(repr, directions)])
-    atomic_bytes(path, text.getvalue().encode("utf-8"))
+    if not is_whole(darks) or darks < 0:
+        raise ArgumentError(f"darks: expected a whole number from 0 on, found {darks!r}")
+    if distance_mm is not None:
+        length_mm(distance_mm, "distance_mm")
+    exposures = exposures_of(exposure_s)
+    shots = [Shot(f"dark_{n:03}", "dark", None, exposures[-1]) for n in range(1, darks + 1)]
+    for one in plan.shots:
+        angles = dict(zip(JOINTS, one.setting.angles.tolist(), strict=True))
+        pose = Pose(unit_vector(one.view), unit_vector(one.light), angles)
+        if one.pair is None:
+            seconds = exposures[-2:][0]
+            shots.append(Shot(one.name, "reference", one.setting.lamp + 1, seconds, pose))
+        else:
+            shots += exposed(one.name, "photograph", one.setting.lamp + 1, exposures, pose)
+    directions = np.array([in_plane(angle) for angle in plan.rig.lamps])
+    positions = None if distance_mm is None else distance_mm * directions
+    return ShotPlan(tuple(shots), directions, positions)
 
 
 def write_ball_joint_lights(path: str | Path, plan: BallJointPlan) -> None:

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol
 
-from impasto.errors import ArgumentError
-
 Vector = tuple[float, float, float]
 
 
@@ -109,6 +107,11 @@ class Lights(Protocol):
 class Stage(Protocol):
     """What moves camera, lamp or painting."""
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that it sets: a plan has the angle of each of them, and no other."""
+        ...
+
     def move(self, pose: Pose) -> Pose:
         """Go to a pose and read it back; errors as :meth:`Lights.switch_on`."""
         ...
@@ -117,17 +120,8 @@ class Stage(Protocol):
 class FixedStage:
     """Nothing moves: every pose is that of the plan."""
 
-    def move(self, pose: Pose) -> Pose:
-        """The pose as ordered; joints that nobody can move are refused.
+    joints: tuple[str, ...] = ()
 
-        Raises
-        ------
-        ArgumentError
-            The pose has angles.
-        """
-        if pose.angles:
-            raise ArgumentError(
-                f"stage: the plan sets the joints {', '.join(sorted(pose.angles))}, but there is "
-                "no stage that moves; give one, or leave angles out of the plan"
-            )
+    def move(self, pose: Pose) -> Pose:
+        """The pose as ordered."""
         return pose

@@ -102,7 +102,10 @@ def compare(
     reference: Image | None,
     judged: Judged,
 ) -> dict[str, Misfire]:
-    """Compare the photographs of a capture with each other, those of each view by themselves.
+    """Compare the photographs of a capture with each other.
+
+    Those of each view are compared, of brackets the shortest exposures, the second, and so on: one
+    clips where another does not.
 
     Parameters
     ----------
@@ -122,13 +125,14 @@ def compare(
     dict
         What is wrong, by the names of the shots.
     """
-    views: dict[tuple[float, ...], list[Shot]] = defaultdict(list)
-    for shot in plan.of("photograph"):
-        if shot.name in kept:
-            views[shot.pose.view or FRONTAL].append(shot)
+    views: dict[tuple[tuple[float, ...], int], list[Shot]] = defaultdict(list)
+    for bracket in plan.photographs().values():
+        for step, shot in enumerate(bracket):
+            if shot.name in kept:
+                views[shot.pose.view or FRONTAL, step].append(shot)
     found: dict[str, Misfire] = {}
     own = next((shot.pose.view or FRONTAL for shot in plan.of("reference")), None)
-    for view, shots in views.items():
+    for (view, _), shots in views.items():
         same = reference if view == own else None
         found |= _of_one_view(plan, shots, kept, dark, same, judged)
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,9 +13,10 @@ from impasto.capture.evidence import Evidence, Judged, Place, compare
 from impasto.capture.folder import CaptureFolder
 from impasto.capture.frames import Image, Picture, read_picture
 from impasto.capture.journal import CaptureLog, read_log
-from impasto.capture.misfires import Misfire, drifted, moved, wrong_kind
+from impasto.capture.misfires import Misfire, drifted, wrong_kind
 from impasto.capture.result import CaptureResult, Retake
-from impasto.capture.shots import Shot, ShotPlan, read_shots
+from impasto.capture.shots import Shot, ShotPlan
+from impasto.capture.shots_file import read_shots
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.session_toml import SESSION_FILE
 
@@ -40,6 +41,9 @@ class Known:
         The first photograph, whose kind all others share.
     reference
         The patch of the first reference shot.
+    patches
+        The patch of the first reference shot of each lamp, exposure and pose, by the name of the
+        plan's first of them.
     judged
         What the last comparison found.
     """
@@ -50,6 +54,7 @@ class Known:
     place: Place | None = None
     first: Picture | None = None
     reference: Image | None = None
+    patches: dict[str, Image] = field(default_factory=dict)
     judged: Judged = field(default_factory=dict)
 
     @property
@@ -65,10 +70,26 @@ class Known:
     @property
     def base(self) -> float | None:
         """Level of the first reference shot above the dark frames; None without one."""
-        shots = self.plan.of("reference")
+        return self._first_level(self.plan.of("reference"))
+
+    def base_of(self, shot: Shot) -> float | None:
+        """The same of the first reference shot with the lamp, exposure and pose of this one."""
+        return self._first_level(self._alike(shot))
+
+    def patch_of(self, shot: Shot) -> Image | None:
+        """The patch of that reference shot; None without one."""
+        return self.patches.get(self._alike(shot)[0].name)
+
+    def _first_level(self, shots: Sequence[Shot]) -> float | None:
         found = (self.levels[shot.name] for shot in shots if shot.name in self.levels)
         level = next(found, None)
         return None if level is None else level - self.dark
+
+    def _alike(self, shot: Shot) -> list[Shot]:
+        """The plan's reference shots with the lamp, exposure and pose of one of them."""
+        own = shot.lamp, shot.exposure_s, shot.pose
+        every = self.plan.of("reference")
+        return [one for one in every if (one.lamp, one.exposure_s, one.pose) == own]
 
     def take(self, shot: Shot, picture: Picture) -> None:
         """A photograph that counts."""
@@ -82,8 +103,12 @@ class Known:
             return
         if shot.kind == "photograph":
             self.kept[shot.name] = self.place.evidence(picture)
-        elif shot.kind == "reference" and self.reference is None:
-            self.reference = self.place.evidence(picture).patch
+        elif shot.kind == "reference":
+            first = self._alike(shot)[0].name
+            if first not in self.patches:
+                self.patches[first] = self.place.evidence(picture).patch
+            if self.reference is None:
+                self.reference = self.patches[first]
 
     def drop(self, name: str) -> None:
         """A photograph that does not count any more."""
@@ -195,7 +220,9 @@ def reference_notes(known: Known) -> list[str]:
     notes = []
     for shot in known.plan.of("reference"):
         if shot.name in known.levels:
-            misfire = drifted(known.levels[shot.name] - known.dark, known.base)
+            base = known.base_of(shot)
+            assert base is not None  # its own level, if it is the first of its kind
+            misfire = drifted(known.levels[shot.name] - known.dark, base)
             if misfire is not None:
                 notes.append(f"{shot.name}: {misfire.why}; {misfire.advice}")
     return notes
@@ -206,10 +233,3 @@ def retakes_of(plan: ShotPlan, found: dict[str, Misfire]) -> tuple[Retake, ...]:
     return tuple(
         Retake(shot.name, shot.lamp, found[shot.name]) for shot in plan if shot.name in found
     )
-
-
-def moved_reference(known: Known, picture: Picture) -> Misfire | None:
-    """Whether a reference shot has moved against the first one, which has the same light."""
-    if known.place is None or known.reference is None:
-        return None
-    return moved(known.reference, known.place.evidence(picture).patch)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import positive
+from impasto.bracket import READ_NOISE, SHOT_NOISE
 from impasto.errors import ArgumentError
 from impasto.rig import Rig
 from impasto.surface import Surface
@@ -41,8 +42,8 @@ class Noise:
         Standard deviation at white that grows with the root of the light.
     """
 
-    read: float = 0.001
-    shot: float = 0.005
+    read: float = READ_NOISE
+    shot: float = SHOT_NOISE
 
     def sigma(self, light: Floats) -> Floats:
         """Standard deviation of samples of so much light."""

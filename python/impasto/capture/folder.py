@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from impasto.capture.journal import JOURNAL
-from impasto.capture.shots import SHOTS_FILE, Kind, Shot
+from impasto.capture.shots import Kind, Shot
+from impasto.capture.shots_file import SHOTS_FILE
 from impasto.errors import ArgumentError
 
 NOTES = "capture"

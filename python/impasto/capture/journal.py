@@ -7,7 +7,6 @@ ends in a checksum of its own.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
@@ -15,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from impasto._internal.checks import is_whole
-from impasto._internal.damage import DAMAGE
 from impasto.capture.misfires import Misfire
 from impasto.errors import CorruptInputError
-from impasto.io.files import as_problem_of, sync_folder
-from impasto.io.json_lines import opened_line, sealed_line
+from impasto.io.json_lines import JournalFile, read_lines
 
 JOURNAL = "journal.jsonl"
+_ADVICE = (
+    "; bring back a copy of it, or begin anew in another folder: the photographs beside it stay"
+)
 
 
 @dataclass(frozen=True)
@@ -121,25 +121,19 @@ def read_log(path: Path) -> CaptureLog:
     FileNotFoundError
         There is none.
     """
-    data = path.read_bytes()
-    whole = data[: data.rfind(b"\n") + 1]
     found: CaptureLog | None = None
-    for number, line in enumerate(whole.splitlines(keepends=True), start=1):
-        try:
-            content = opened_line(line)
-            if found is None:
-                found = CaptureLog(str(content["plan"]))
-            else:
-                found.take(content)
-        except DAMAGE as error:
-            raise CorruptInputError(
-                path,
-                f"is damaged in line {number}; bring back a copy of it, or begin anew in another "
-                "folder: the photographs beside it stay",
-            ) from error
+
+    def take(content: Mapping[str, Any], _: bytes) -> None:
+        nonlocal found
+        if found is None:
+            found = CaptureLog(str(content["plan"]))
+        else:
+            found.take(content)
+
+    size = read_lines(path, take, _ADVICE)
     if found is None:
         raise CorruptInputError(path, "is no journal of a capture")
-    found.size = len(whole)
+    found.size = size
     return found
 
 
@@ -148,20 +142,9 @@ class Journal:
 
     def __init__(self, path: Path, plan: str) -> None:
         """Go on with a journal, or begin one, and cut off what is torn."""
-        self.path = path
         begun = path.is_file() and b"\n" in path.read_bytes()
         self.log = read_log(path) if begun else CaptureLog(plan)
-        with as_problem_of(path):
-            self._file = path.open("ab")
-        try:
-            with as_problem_of(path):
-                self._file.truncate(self.log.size)
-            if not begun:
-                self._append({"plan": plan})
-            sync_folder(path.parent)
-        except BaseException:
-            self._file.close()
-            raise
+        self._file = JournalFile(path, self.log.size, {"plan": plan})
 
     def commit(self, entry: Entry) -> None:
         """A photograph whose file is on the disk."""
@@ -188,11 +171,5 @@ class Journal:
         self._file.close()
 
     def _write(self, content: Mapping[str, Any]) -> None:
-        self._append(content)
+        self._file.append(content)
         self.log.take(content)
-
-    def _append(self, content: Mapping[str, Any]) -> None:
-        with as_problem_of(self.path):
-            self._file.write(sealed_line(content))
-            self._file.flush()
-            os.fsync(self._file.fileno())

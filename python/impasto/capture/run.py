@@ -20,6 +20,7 @@ from impasto.capture.examine import (
 )
 from impasto.capture.folder import CaptureFolder
 from impasto.capture.frames import Picture, read_picture
+from impasto.capture.joints import check_stage
 from impasto.capture.journal import Entry, Journal
 from impasto.capture.misfires import (
     Misfire,
@@ -31,7 +32,8 @@ from impasto.capture.misfires import (
     wrong_pose,
 )
 from impasto.capture.result import CaptureResult
-from impasto.capture.shots import Shot, ShotPlan, shots_text
+from impasto.capture.shots import Shot, ShotPlan
+from impasto.capture.shots_file import shots_text
 from impasto.errors import (
     CorruptInputError,
     DeviceError,
@@ -83,7 +85,7 @@ def run(
     Parameters
     ----------
     plan
-        Of :func:`plan_shots` or :func:`read_shots`.
+        Of :func:`plan_shots`, :func:`ball_joint_plan` or :func:`read_shots`.
     camera, lights, stage
         The devices; ``stage`` None: nothing moves.
     folder
@@ -106,7 +108,8 @@ def run(
     Raises
     ------
     ArgumentError
-        The folder holds another capture, or another run is at it.
+        The folder holds another capture, or another run is at it; a plan that the stage cannot
+        take.
     ResumeMismatchError
         The capture in the folder has another plan.
     DisconnectedError
@@ -116,6 +119,8 @@ def run(
     CorruptInputError
         The journal of the capture is damaged.
     """
+    stage = FixedStage() if stage is None else stage
+    check_stage(plan, stage)
     where = CaptureFolder(Path(folder))
     where.prepare(resume=resume)
     with locked(where.notes):
@@ -129,7 +134,6 @@ def run(
                     f"--shots {where.shots}, or another folder"
                 )
             atomic_bytes(where.shots, text.encode())
-            stage = FixedStage() if stage is None else stage
             going = _Run(plan, camera, lights, stage, where, journal, warm_up_s, progress, say)
             return going.all()
         finally:

@@ -1,32 +1,27 @@
-"""A plan of shots: which lamp, which exposure, which pose, in which order; ``shots.toml``."""
+"""A plan of shots: which lamp, which exposures, which pose, in which order."""
 
 from __future__ import annotations
 
-import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
-from typing import Any, Literal, get_args
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import is_whole, suggestion
-from impasto._internal.damage import damage_of
 from impasto.capture.devices import Pose, Vector
 from impasto.errors import ArgumentError
-from impasto.io.files import atomic_bytes, read_text
 from impasto.io.lights import LightFile
-from impasto.io.session_toml import values
-from impasto.io.session_toml.write import toml
 from impasto.rig import FRONTAL
 
 Kind = Literal["photograph", "dark", "board", "reference"]
-VERSION = 1
-"""Of the format."""
-SHOTS_FILE = "shots.toml"
 _LONGEST_NAME = 80
+LEAST_STEP = 1.05
+"""Between two exposures of a bracket: below it the camera may have the same time for both."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +42,8 @@ class Shot:
         Exposure time, seconds.
     pose
         Of stage, camera and lamp.
+    bracket
+        Name of the photograph of which this is one exposure of several; None: it is whole.
     """
 
     name: str
@@ -54,6 +51,33 @@ class Shot:
     lamp: int | None
     exposure_s: float
     pose: Pose = field(default_factory=Pose)
+    bracket: str | None = None
+
+    @property
+    def photograph(self) -> str:
+        """The name of the photograph that it is, or is one exposure of."""
+        return self.name if self.bracket is None else self.bracket
+
+
+def exposed(
+    name: str,
+    kind: Kind,
+    lamp: int | None,
+    exposures_s: Sequence[float],
+    pose: Pose | None = None,
+) -> tuple[Shot, ...]:
+    """The shots of one photograph: itself, or an exposure bracket, the shortest first.
+
+    The exposures of a bracket are shots of their own, ``name-1`` and so on, each of which is
+    checked and taken again by itself.
+    """
+    pose = Pose() if pose is None else pose
+    if len(exposures_s) == 1:
+        return (Shot(name, kind, lamp, exposures_s[0], pose),)
+    return tuple(
+        Shot(f"{name}-{number}", kind, lamp, seconds, pose, name)
+        for number, seconds in enumerate(sorted(exposures_s), 1)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +97,7 @@ class ShotPlan:
     ------
     ArgumentError
         Equal names, a lamp that is not there, a dark frame with a lamp, a name that is no name of a
-        file, or an exposure that is not positive.
+        file, an exposure that is not positive, or a bracket that is none.
     """
 
     shots: tuple[Shot, ...]
@@ -89,6 +113,7 @@ class ShotPlan:
             raise ArgumentError(f"shots: {twice[0]!r} is the name of several shots; name each once")
         for shot in self.shots:
             _check_shot(shot, len(self.directions))
+        _check_brackets(self)
 
     def __len__(self) -> int:
         return len(self.shots)
@@ -109,11 +134,36 @@ class ShotPlan:
         """The shots of some kinds."""
         return tuple(shot for shot in self.shots if shot.kind in kinds)
 
+    def photographs(self) -> dict[str, tuple[Shot, ...]]:
+        """The shots of each photograph of the painting, by its name, in their order."""
+        found: dict[str, list[Shot]] = {}
+        for shot in self.of("photograph"):
+            found.setdefault(shot.photograph, []).append(shot)
+        return {name: tuple(shots) for name, shots in found.items()}
+
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that any shot sets, in the order of the plan."""
+        return tuple(dict.fromkeys(name for shot in self.shots for name in shot.pose.angles))
+
+
+def exposures_of(exposure_s: float | Sequence[float]) -> tuple[float, ...]:
+    """One exposure time or several, in seconds, the shortest first.
+
+    Raises
+    ------
+    ArgumentError
+        None at all.
+    """
+    given = (exposure_s,) if isinstance(exposure_s, int | float) else tuple(exposure_s)
+    if not given:
+        raise ArgumentError("exposure_s: expected one exposure time or more, found none")
+    return tuple(sorted(given))
+
 
 def plan_shots(
     lights: LightFile,
     *,
-    exposure_s: float = 0.01,
+    exposure_s: float | Sequence[float] = 0.01,
     darks: int = 3,
     references: int = 20,
 ) -> ShotPlan:
@@ -127,7 +177,9 @@ def plan_shots(
     lights
         From :func:`impasto.io.read_lights`. Photographs have its names, or ``shot_001`` and so on.
     exposure_s
-        Exposure time of all shots, seconds.
+        Exposure time of all shots, seconds; several: an exposure bracket of each photograph, such
+        as :func:`exposures_from_pilot` finds. Dark frames have the longest, reference shots the
+        longest but one, in which diffuse reflection is exact enough, and less clips.
     darks
         How many dark frames, at the beginning; their noise is averaged.
     references
@@ -141,143 +193,63 @@ def plan_shots(
     for name, value in (("darks", darks), ("references", references)):
         if not is_whole(value) or value < 0:
             raise ArgumentError(f"{name}: expected a whole number from 0 on, found {value!r}")
+    exposures = exposures_of(exposure_s)
     count = len(lights)
     frontal = int(np.argmax(lights.directions @ np.asarray(FRONTAL))) + 1
     names = [f"shot_{number:03}" for number in range(1, count + 1)]
     if lights.names is not None:
         names = [PurePosixPath(name.replace("\\", "/")).stem for name in lights.names]
-    shots = [Shot(f"dark_{n:03}", "dark", None, exposure_s) for n in range(1, darks + 1)]
+    shots = [Shot(f"dark_{n:03}", "dark", None, exposures[-1]) for n in range(1, darks + 1)]
     taken = 0
 
     def reference() -> Shot:
-        return Shot(f"reference_{taken + 1:03}", "reference", frontal, exposure_s)
+        return Shot(f"reference_{taken + 1:03}", "reference", frontal, exposures[-2:][0])
 
     for number, name in enumerate(names):
-        view = None if lights.views is None else _vector(lights.views[number])
+        view = None if lights.views is None else unit_vector(lights.views[number])
         if references and number % references == 0:
             shots.append(reference())
             taken += 1
-        shots.append(Shot(name, "photograph", number + 1, exposure_s, Pose(view=view)))
+        shots += exposed(name, "photograph", number + 1, exposures, Pose(view=view))
     if references:
         shots.append(reference())
     return ShotPlan(tuple(shots), lights.directions, lights.positions)
 
 
-def shots_text(plan: ShotPlan) -> str:
-    """The contents of a ``shots.toml``; it reads back to the same plan."""
-    lamps = "directions" if plan.positions_mm is None else "positions_mm"
-    vectors = plan.directions if plan.positions_mm is None else plan.positions_mm
-    lines = [
-        "# The shots of a capture, in their order, for impasto capture run --shots.",
-        "# Lamp 1 is the first line of lamps. Directions and views are (x right, y up, z to the",
-        "# viewer); exposures are in seconds, angles of a stage in radians.",
-        f"version = {VERSION}",
-        "",
-        "[lamps]",
-        f"{lamps} = [",
-        *(f"  {toml(vector)}," for vector in vectors.tolist()),
-        "]",
-    ]
-    for shot in plan:
-        lines += ["", "[[shots]]", f"name = {toml(shot.name)}", f"kind = {toml(shot.kind)}"]
-        lines += [] if shot.lamp is None else [f"lamp = {shot.lamp}"]
-        lines.append(f"exposure_s = {toml(shot.exposure_s)}")
-        for name in ("view", "light"):
-            if (vector := getattr(shot.pose, name)) is not None:
-                lines.append(f"{name} = {toml(vector)}")
-        if shot.pose.angles:
-            inner = ", ".join(f"{toml(k)} = {toml(v)}" for k, v in shot.pose.angles.items())
-            lines.append(f"angles = {{ {inner} }}")
-    return "\n".join(lines) + "\n"
-
-
-def write_shots(path: str | Path, plan: ShotPlan) -> None:
-    """Write a plan, atomically; an older file of this name is replaced."""
-    atomic_bytes(path, shots_text(plan).encode())
-
-
-def read_shots(path: str | Path) -> ShotPlan:
-    """Read a plan of shots.
-
-    Raises
-    ------
-    CorruptInputError
-        No TOML.
-    ArgumentError
-        Not found, an unknown key, or a value of the wrong kind; the message names file and key.
-    """
-    path = Path(path)
-    with damage_of(path, "TOML"):
-        content = tomllib.loads(read_text(path))
-    try:
-        _keys(content, {"version", "lamps", "shots"}, "")
-        if content.get("version") != VERSION:
-            raise ValueError(f"version: expected {VERSION}, found {content.get('version')!r}")
-        lamps = content.get("lamps")
-        if not isinstance(lamps, dict) or len(lamps) != 1:
-            raise ValueError("lamps: expected one key, directions or positions_mm")
-        _keys(lamps, {"directions", "positions_mm"}, "lamps.")
-        ((kind, rows),) = lamps.items()
-        table = values.vectors({str(n): row for n, row in enumerate(rows, 1)})
-        vectors = np.array(list(table.values()))
-        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-        if not (lengths > 0).all():
-            raise ValueError(f"lamps.{kind}: a lamp at (0, 0, 0) has no direction")
-        shots = content.get("shots")
-        if not isinstance(shots, list):
-            raise ValueError("shots: expected sections [[shots]]")
-        found = tuple(_shot(one, number) for number, one in enumerate(shots, 1))
-        # Unit vectors stay as they are, bit for bit.
-        unit = np.where(np.abs(lengths - 1.0) < 1e-12, vectors, vectors / lengths)
-        return ShotPlan(found, unit, vectors if kind == "positions_mm" else None)
-    except ValueError as error:
-        raise ArgumentError(f"{path}: {str(error).removeprefix('shots: ')}") from error
-
-
-_CHECKS: Mapping[str, Callable[[Any], Any]] = {
-    "name": values.text,
-    "kind": values.text,
-    "lamp": values.whole,
-    "exposure_s": values.positive,
-    "view": lambda value: values.vectors({"view": value})["view"],
-    "light": lambda value: values.vectors({"light": value})["light"],
-    "angles": lambda value: {values.text(k): values.number(v) for k, v in dict(value).items()},
-}
-
-
-def _shot(content: Any, number: int) -> Shot:
-    where = f"shot {number}"
-    if not isinstance(content, dict):
-        raise ValueError(f"{where}: expected a section [[shots]]")
-    _keys(content, set(_CHECKS), f"{where}: ")
-    for name in ("name", "kind", "exposure_s"):
-        if name not in content:
-            raise ValueError(f"{where}: has no {name}")
-    found: dict[str, Any] = {}
-    for name, value in content.items():
-        try:
-            found[name] = _CHECKS[name](value)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{where}: {name}: {error}") from error
-    view, light = (
-        None if name not in found else _vector(np.array(found[name])) for name in ("view", "light")
-    )
-    pose = Pose(view, light, found.get("angles", {}))
-    return Shot(found["name"], found["kind"], found.get("lamp"), found["exposure_s"], pose)
-
-
-def _keys(content: Mapping[str, Any], known: set[str], where: str) -> None:
-    for name in content:
-        if name not in known:
-            raise ValueError(f"{where}{name!r} is no key{suggestion(name, sorted(known))}")
-
-
-def _vector(value: NDArray[np.float64]) -> Vector:
+def unit_vector(value: NDArray[np.float64]) -> Vector:
+    """A direction of length 1; one that has it stays as it is, bit for bit."""
     length = float(np.linalg.norm(value))
     if not length > 0:
         raise ValueError("a direction of length 0")
     x, y, z = (value if abs(length - 1.0) < 1e-12 else value / length).tolist()
     return x, y, z
+
+
+def _check_brackets(plan: ShotPlan) -> None:
+    """Exposures of a bracket differ in nothing but their time."""
+    names = {shot.name for shot in plan.shots}
+    for shot in plan.shots:
+        if shot.bracket is None:
+            continue
+        if shot.kind != "photograph":
+            raise ArgumentError(
+                f"shots: {shot.bracket!r} has several exposures, which are for photographs of the "
+                f"painting; give one for a shot of kind {shot.kind}"
+            )
+        if shot.bracket in names:
+            raise ArgumentError(f"shots: {shot.bracket!r} is the name of several shots")
+    for name, shots in plan.photographs().items():
+        first = shots[0]
+        if first.bracket is None:
+            continue
+        if any((one.lamp, one.pose) != (first.lamp, first.pose) for one in shots):
+            raise ArgumentError(f"shots: the exposures of {name!r} differ in lamp or pose")
+        times = sorted(one.exposure_s for one in shots)
+        if any(longer < LEAST_STEP * shorter for shorter, longer in pairwise(times)):
+            raise ArgumentError(
+                f"shots: {name!r} has the exposures {', '.join(f'{t:g}' for t in times)} s; each "
+                f"must be {LEAST_STEP:g} times the one before it, or more"
+            )
 
 
 def _check_shot(shot: Shot, lamps: int) -> None:

@@ -11,10 +11,11 @@ from rich.markup import escape
 from impasto._internal.checks import length_mm
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag
+from impasto.cli.photographs import dark_of
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from impasto.align import Layout, Reference
+    from impasto.align import Card, Layout, Reference
 
 
 def align(
@@ -33,6 +34,9 @@ def align(
     refine: Flag = False,
     fixed_camera: Flag = False,
     lights: Path | None = None,
+    card: str | None = None,
+    card_reflectance: float = 1.0,
+    dark: str | None = None,
     encoding: str | None = None,
     saturation: float | None = None,
     quiet: Flag = False,
@@ -73,6 +77,14 @@ def align(
         The camera did not move: marks of all photographs are taken together.
     lights
         The light file; default: the only one in the folder.
+    card
+        A white card in the plane of the painting, in all photographs, from which the strength of
+        the lamp in each is measured: x, y of its middle, width and height in mm, such as
+        230,0,40,80; x to the right and y up from the middle of the painting.
+    card_reflectance
+        Of that card.
+    dark
+        Of the card: a dark frame, a folder of dark frames, or the black level in codes.
     encoding
         Tone curve of the files: srgb, linear or a gamma such as 2.2. Default: srgb for 8-bit
         files, linear for all others.
@@ -97,6 +109,8 @@ def align(
         length_mm(mesh, "--mesh")
         if depth != "estimate":
             raise ArgumentError("--mesh: is for --depth estimate; a file has its own nodes")
+    if dark is not None and card is None:
+        raise ArgumentError("--dark: is for --card; alignment leaves the black level as it is")
     if depth is not None and lens is None:
         raise ArgumentError("--depth: needs --lens, without which no camera has a place")
     stages = Stages(quiet=quiet)
@@ -107,7 +121,8 @@ def align(
         found = run(
             folder, out, layout,
             lens=optics, pixel_mm=pixel, depth=relief, mesh_mm=mesh, refine=refine,
-            fixed_camera=fixed_camera, lights=lights, encoding=encoding, saturation=saturation,
+            fixed_camera=fixed_camera, lights=lights, card=_card(card, card_reflectance),
+            dark=dark_of(dark), encoding=encoding, saturation=saturation,
             progress=stage.advance,
         )  # fmt: skip
         left = found.residual_px
@@ -140,6 +155,20 @@ def align(
         )
     if not found.lights:
         stages.say("[yellow]warning:[/] no light file: impasto fit needs one (--lights)")
+
+
+def _card(text: str | None, reflectance: float) -> Card | None:
+    from impasto.align import Card
+
+    if text is None:
+        return None
+    try:
+        x, y, width, height = (float(word) for word in text.split(","))
+    except ValueError:
+        raise ArgumentError(
+            f"--card: expected x,y,width,height in mm such as 230,0,40,80, found {text!r}"
+        ) from None
+    return Card((x, y), (width, height), reflectance)
 
 
 def _layout(

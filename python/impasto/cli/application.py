@@ -19,10 +19,10 @@ from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|again|ball|bands|camera|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
+    "adaptation|again|ball|bands|camera|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
     "estimator|exposure|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
     "out|patches|pattern|pitch_mm|points|precision|references|reflectance|region|repeats|sample|saturation|seed|"
-    "sensor_mm|shots|size|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
+    "sensor_mm|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 

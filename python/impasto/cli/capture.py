@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import App, Parameter
 
-from impasto.cli.console import Stages, stdout
-from impasto.cli.options import Flag
+from impasto._internal.checks import length_mm
+from impasto.cli.console import Stages, stderr, stdout
+from impasto.cli.options import Flag, Whole
 from impasto.errors import ArgumentError
 
 WIDTHS = {"matte": 0.3, "satin": 0.12, "gloss": 0.075}
@@ -52,12 +53,19 @@ def plan(
     tilt
         Largest angle of its relief from the front, degrees.
     out
-        The light file to write, a new .lp, or .csv for a rig with several views; a picture of the
-        same name, .png, lies beside it. Photographs are called shot_001 and so on.
+        What to write: a plan of shots for capture run --shots, a new .toml, with dark frames and
+        reference shots; or a light file, .lp, or .csv for a rig with several views. A picture of
+        the same name, .png, lies beside it. Photographs are called shot_001 and so on.
     quiet
         No progress, only errors.
     """
-    from impasto.capture import better_lights, expected_errors, plan_picture
+    from impasto.capture import (
+        better_lights,
+        expected_errors,
+        plan_picture,
+        plan_shots,
+        write_shots,
+    )
     from impasto.capture.planning import CANDIDATES
     from impasto.io import LightFile, write_lights, write_png8
     from impasto.rig import FRONTAL, Rig
@@ -96,7 +104,10 @@ def plan(
         file = LightFile(
             out, out.suffix[1:], names, every, np.ones(len(every)), views=views if several else None
         )
-        write_lights(out, file)
+        if out.suffix.lower() == ".toml":
+            write_shots(out, plan_shots(file))
+        else:
+            write_lights(out, file)
 
 
 def ball_joint(
@@ -110,6 +121,9 @@ def ball_joint(
     camera: float = 100.0,
     separation: float = 5.0,
     every: int = 50,
+    exposure: str = "10",
+    darks: Whole = 3,
+    distance: float | None = None,
     gloss: Literal["none", "matte", "satin", "gloss"] = "satin",
     out: Path | None = None,
     quiet: Flag = False,
@@ -135,10 +149,17 @@ def ball_joint(
         Least angle between camera and lamp, degrees.
     every
         Shots between two reference poses; 0: none.
+    exposure
+        Exposure time of each pair, ms, or several such as 2,8,32: a bracket of each. Reference
+        poses have the longest but one.
+    darks
+        How many dark frames.
+    distance
+        From the middle of the painting to the lamp, mm. Default: far away.
     gloss
         Of the painting, for the least errors.
     out
-        The table to write, a new .csv: one shot a line, in order. A picture of the same name, .png,
+        The plan to write, a new .toml for capture run --shots. A picture of the same name, .png,
         and a light file, such as shots_lights.csv, lie beside it.
     quiet
         No progress, only errors.
@@ -146,21 +167,25 @@ def ball_joint(
     from impasto.capture import (
         BallJointRig,
         ball_joint_picture,
+        ball_joint_plan,
         expected_errors,
         plan_ball_joint_shots,
         write_ball_joint_lights,
-        write_ball_joint_shots,
+        write_shots,
     )
     from impasto.io import write_png8
 
     files = None
     if out is not None:
-        if out.suffix.lower() != ".csv":
-            raise ArgumentError(f"--out: expected a name that ends in .csv, found {out}")
+        if out.suffix.lower() != ".toml":
+            raise ArgumentError(f"--out: expected a name that ends in .toml, found {out}")
         files = out, out.with_suffix(".png"), out.with_name(f"{out.stem}_lights.csv")
         for path in files:
             if path.exists():
                 raise ArgumentError(f"--out: {path} already exists; choose another name")
+    seconds = milliseconds(exposure)
+    if distance is not None:
+        length_mm(distance, "--distance")
     pairs = _rig(rig)
     if pairs is None:
         raise ArgumentError("RIG: expected snel-lafortune or a light file with views, found none")
@@ -183,11 +208,12 @@ def ball_joint(
     for line in _table(None, errors):
         stdout().print(line, markup=False)
     if files is not None:
-        table, picture, lights = files
-        table.parent.mkdir(parents=True, exist_ok=True)
+        shots, picture, lights = files
+        shots.parent.mkdir(parents=True, exist_ok=True)
         write_png8(picture, ball_joint_picture(found, errors))
         write_ball_joint_lights(lights, found)
-        write_ball_joint_shots(table, found)
+        planned = ball_joint_plan(found, exposure_s=seconds, darks=darks, distance_mm=distance)
+        write_shots(shots, planned)
 
 
 def exposure(
@@ -233,6 +259,21 @@ def exposure(
     found = exposures_from_pilot(light, seconds, noise=noise, signal_to_noise=signal_to_noise)
     for one in found:
         stdout().print(f"{one:.6g}", markup=False)
+    times = ",".join(f"{1000.0 * one:.4g}" for one in found)
+    stderr().print(f"in a plan: --exposure {times} (ms)", markup=False)
+
+
+def milliseconds(text: str) -> tuple[float, ...]:
+    """Exposure times in seconds from milliseconds with commas between them."""
+    try:
+        found = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise ArgumentError(
+            f"--exposure: expected milliseconds such as 10, or 2,8,32, found {text!r}"
+        ) from None
+    if not all(0.0 < one < 1e7 for one in found):
+        raise ArgumentError(f"--exposure: expected milliseconds above 0, found {text}")
+    return tuple(one / 1000.0 for one in found)
 
 
 def _degrees(text: str) -> tuple[float, ...]:

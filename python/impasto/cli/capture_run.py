@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from impasto._internal.wording import counted
+from impasto.cli.capture import milliseconds
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages, print_json, stderr, stdout
 from impasto.cli.options import Flag, Whole
@@ -30,9 +31,10 @@ def run(
     shots: Path | None = None,
     camera: Literal["simulated", "gphoto2", "folder"] = "simulated",
     dome: str | None = None,
+    stage: Literal["fixed", "ball-joint"] | None = None,
     watch: Path | None = None,
     out: Path | None = None,
-    exposure: float = 10.0,
+    exposure: str = "10",
     darks: Whole = 3,
     references: Whole = 20,
     warm_up: float = 20.0,
@@ -57,19 +59,25 @@ def run(
         The light file of the rig: lamp 1 is its first line. Dark frames come first, then each lamp
         once, with reference shots between them.
     shots
-        In place of a light file: a plan, as --dry-run prints one.
+        In place of a light file: a plan, as capture plan and capture ball-joint write one, and
+        --dry-run prints one.
     camera
         simulated: a simulated painting, to try a plan. gphoto2: a camera at a USB port. folder: any
         camera, released by hand, which saves into the folder of --watch.
     dome
         Serial port of the lamps, such as /dev/ttyUSB0; without it you are told which lamp to
         switch on.
+    stage
+        fixed: nothing moves. ball-joint: the painting turns on a ball joint, and the camera beside
+        it; with a camera that is not simulated you are told the angles. Default: ball-joint for a
+        plan with angles.
     watch
         The folder in which new photographs appear.
     out
         The folder of the capture, new or empty.
     exposure
-        Exposure time of all shots of a light file, ms.
+        Exposure time of all shots of a light file, ms, or several such as 2,8,32: each photograph
+        is then taken with all of them, and read as one.
     darks
         How many dark frames.
     references
@@ -110,17 +118,18 @@ def run(
     if not 0.0 <= faults <= 100.0:
         raise ArgumentError(f"--faults: expected percent from 0 to 100, found {faults:g}")
     stages = Stages(quiet=quiet)
+    turning = stage == "ball-joint" or (stage is None and bool(plan.joints()))
     if camera == "simulated":
-        devices = _simulated(plan, faults / 100.0, seed, size)
+        devices = _simulated(plan, faults / 100.0, seed, size, turning)
         wait = None if warm_up == 0.0 else 0.0  # simulated lamps are warm
     else:
-        devices, wait = _devices(plan, camera, dome, watch), warm_up or None
-    with devices as (eye, lamps, stage), stages.stage("photographs") as stage_shown:
+        devices, wait = _devices(plan, camera, dome, watch, turning), warm_up or None
+    with devices as (eye, lamps, mover), stages.stage("photographs") as shown:
         result = capture.run(
-            plan, eye, lamps, stage, out, resume=resume, warm_up_s=wait,
-            progress=stage_shown.advance, say=_warn,
+            plan, eye, lamps, mover, out, resume=resume, warm_up_s=wait,
+            progress=shown.advance, say=_warn,
         )  # fmt: skip
-        stage_shown.note = f"{result.taken} of {result.planned}"
+        shown.note = f"{result.taken} of {result.planned}"
     _report(result)
     if result.session is not None:
         stdout().out(f"written  {result.session}")
@@ -175,7 +184,7 @@ def _plan(
     lights: Path | None,
     shots: Path | None,
     out: Path | None,
-    exposure: float,
+    exposure: str,
     darks: int,
     references: int,
 ) -> ShotPlan:
@@ -185,13 +194,12 @@ def _plan(
 
     if lights is not None and shots is not None:
         raise ArgumentError("--shots: has lamps of its own; leave --lights out")
-    if not 0.0 < exposure < 1e7:
-        raise ArgumentError(f"--exposure: expected milliseconds above 0, found {exposure:g}")
+    seconds = milliseconds(exposure)
     if shots is not None:
         return read_shots(shots)
     if lights is not None:
         return plan_shots(
-            read_lights(lights), exposure_s=exposure / 1000.0, darks=darks, references=references
+            read_lights(lights), exposure_s=seconds, darks=darks, references=references
         )
     if out is not None and (own := CaptureFolder(out).shots).is_file():
         return read_shots(own)
@@ -200,7 +208,7 @@ def _plan(
 
 def _show(plan: ShotPlan) -> None:
     """The plan as a file on stdout, its numbers on stderr."""
-    from impasto.capture.shots import shots_text
+    from impasto.capture.shots_file import shots_text
 
     sys.stdout.write(shots_text(plan))
     kinds = Counter(shot.kind for shot in plan)
@@ -209,10 +217,10 @@ def _show(plan: ShotPlan) -> None:
 
 
 @contextmanager
-def _given(camera: Any, lights: Any) -> Iterator[tuple[Any, Any, None]]:
+def _given(camera: Any, lights: Any, stage: Any) -> Iterator[tuple[Any, Any, Any]]:
     """Devices that are closed at the end."""
     try:
-        yield camera, lights, None
+        yield camera, lights, stage
     finally:
         for device in (camera, lights):
             if close := getattr(device, "close", None):
@@ -221,20 +229,26 @@ def _given(camera: Any, lights: Any) -> Iterator[tuple[Any, Any, None]]:
 
 @contextmanager
 def _simulated(
-    plan: ShotPlan, faults: float, seed: int, size: int
+    plan: ShotPlan, faults: float, seed: int, size: int, turning: bool
 ) -> Iterator[tuple[Any, Any, Any]]:
     from impasto import simulate
     from impasto.capture.drivers.faults import random_faults
-    from impasto.capture.drivers.simulated import SimulatedRig
+    from impasto.capture.drivers.simulated import SimulatedBallJoint, SimulatedRig
 
     painting = simulate.painting(seed=seed, size=(size, size))
-    rig = SimulatedRig(painting, plan.directions, random_faults(len(plan), faults, seed), seed)
+    kind = SimulatedBallJoint if turning else SimulatedRig
+    rig = kind(painting, plan.directions, random_faults(len(plan), faults, seed), seed)
     yield rig, rig, rig
 
 
-def _devices(plan: ShotPlan, camera: str, dome: str | None, watch: Path | None) -> Any:
-    from impasto.capture.drivers.by_hand import FolderCamera, HandLights
+def _devices(
+    plan: ShotPlan, camera: str, dome: str | None, watch: Path | None, turning: bool
+) -> Any:
+    from impasto.capture.ball_joint import JOINTS
+    from impasto.capture.drivers.by_hand import FolderCamera, HandLights, HandStage
 
+    # The photograph of a camera in the hand says that all is set.
+    confirm = None if camera == "folder" else _confirmed
     if camera == "folder":
         if watch is None:
             raise ArgumentError("--watch: give the folder into which the camera saves")
@@ -252,8 +266,8 @@ def _devices(plan: ShotPlan, camera: str, dome: str | None, watch: Path | None) 
             lamps.close()
             raise ArgumentError(f"--dome: the plan has {count} lamps, the dome only {has}")
     else:
-        lamps = HandLights(plan.directions, _order, None if camera == "folder" else _confirmed)
-    return _given(eye, lamps)
+        lamps = HandLights(plan.directions, _order, confirm)
+    return _given(eye, lamps, HandStage(JOINTS, _order, confirm) if turning else None)
 
 
 def _order(words: str) -> None:

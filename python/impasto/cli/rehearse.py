@@ -204,7 +204,9 @@ def _carried_out(out: Path, commands: list[Step], quiet: bool) -> list[Done]:
         done.append(finished)
         if not quiet:
             page.print(f"$ {finished.step}", soft_wrap=True, highlight=False)
-            page.print(f"  [dim]{finished.seconds:.1f} s, {finished.peak_mib:.0f} MiB[/]")
+            peak = finished.peak_mib
+            memory = "memory unknown" if peak is None else f"{peak:.0f} MiB"
+            page.print(f"  [dim]{finished.seconds:.1f} s, {memory}[/]")
     return done
 
 

@@ -1,11 +1,22 @@
-"""Lines of a journal: JSON that ends in a checksum of its own, so that a change is found."""
+"""Journals: lines of JSON, each with a checksum of its own, so that a change is found.
+
+A line is appended, and reaches the disk, after what it tells of did. What is torn off at the end of
+the file was not finished: it is left out by readers, and cut off before the next line is written.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
+
+from impasto._internal.damage import DAMAGE
+from impasto._internal.waiting import wait_for
+from impasto.errors import CorruptInputError
+from impasto.io.files import as_problem_of, sync_folder
 
 CHECK = "crc"
 """Name of the checksum of a line, CRC-32 of what stands before it, closed by a brace."""
@@ -36,3 +47,59 @@ def opened_line(line: bytes) -> dict[str, Any]:
     if sealed_line(content) != line:
         raise ValueError("the checksum of the line does not agree")
     return content
+
+
+def read_lines(path: Path, take: Callable[[dict[str, Any], bytes], None], advice: str = "") -> int:
+    """Give the content of each whole line, and the line itself, to ``take``, in their order.
+
+    Returns
+    -------
+    int
+        Bytes of the file up to the end of its last whole line.
+
+    Raises
+    ------
+    CorruptInputError
+        A line that is not as it was written, or that ``take`` refuses; with its number, and
+        ``advice`` after it.
+    FileNotFoundError
+        There is no file.
+    """
+    data = path.read_bytes()
+    whole = data[: data.rfind(b"\n") + 1]
+    for number, line in enumerate(whole.splitlines(keepends=True), start=1):
+        try:
+            take(opened_line(line), line)
+        except DAMAGE as error:
+            raise CorruptInputError(path, f"is damaged in line {number}{advice}") from error
+    return len(whole)
+
+
+class JournalFile:
+    """A journal that is being written; its file is open until :meth:`close`."""
+
+    def __init__(self, path: Path, length: int, first: Mapping[str, Any]) -> None:
+        """Go on after ``length`` bytes of whole lines, or begin with the line ``first``."""
+        self.path = path
+        with as_problem_of(path):
+            self._file = path.open("ab")
+        try:
+            with as_problem_of(path):
+                self._file.truncate(length)
+                if not length:
+                    self.append(first)
+                sync_folder(path.parent)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def append(self, content: Mapping[str, Any]) -> None:
+        """Write one line; it is on the disk when this returns."""
+        with as_problem_of(self.path):
+            self._file.write(sealed_line(content))
+            self._file.flush()
+            wait_for(os.fsync, self._file.fileno())
+
+    def close(self) -> None:
+        """Give the file back."""
+        self._file.close()

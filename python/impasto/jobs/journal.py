@@ -7,18 +7,14 @@ a change is found while the job runs, too.
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from impasto._internal.damage import DAMAGE
-from impasto._internal.waiting import wait_for
 from impasto.errors import CorruptInputError
-from impasto.io.files import as_problem_of, sync_folder
-from impasto.io.json_lines import crc_of, opened_line, sealed_line
+from impasto.io.json_lines import JournalFile, crc_of, read_lines, sealed_line
 from impasto.jobs.grid import Grid, Tile
 
 JOURNAL = "journal.jsonl"
@@ -71,7 +67,11 @@ class Entries:
     def to_bytes(self, grid: Grid) -> bytes:
         """The whole file, tiles in the order of the grid."""
         lines = [sealed_line({"job": self.job, "learned": self.learned})]
-        lines += [_tile_line(tile, self.tiles[tile]) for tile in grid if tile in self.tiles]
+        lines += [
+            sealed_line(_tile_content(tile, self.tiles[tile]))
+            for tile in grid
+            if tile in self.tiles
+        ]
         if self.files is not None:
             before = crc_of(b"".join(lines))
             lines.append(sealed_line({"before": before, "files": self.files}))
@@ -88,31 +88,29 @@ def read_journal(path: Path) -> Entries:
     FileNotFoundError
         There is none.
     """
-    data = path.read_bytes()
-    whole = data[: data.rfind(b"\n") + 1]
     found: Entries | None = None
     before = 0
-    for number, line in enumerate(whole.splitlines(keepends=True), start=1):
-        try:
-            content = opened_line(line)
-            if found is None:
-                found = Entries(str(content["job"]), str(content["learned"]))
-            elif "files" in content:
-                found.files = _checksums(content["files"])
-                if content["before"] != f"{before:08x}":
-                    raise ValueError("the checksum of the lines before does not agree")
-            elif "numbers" in content:
-                found.numbers.append(str(content["numbers"]))
-            else:
-                row, column = (int(at) for at in content["tile"])
-                shards = _checksums(content["shards"])
-                found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
-        except DAMAGE as error:
-            raise CorruptInputError(path, f"is damaged in line {number}") from error
+
+    def take(content: Mapping[str, Any], line: bytes) -> None:
+        nonlocal found, before
+        if found is None:
+            found = Entries(str(content["job"]), str(content["learned"]))
+        elif "files" in content:
+            found.files = _checksums(content["files"])
+            if content["before"] != f"{before:08x}":
+                raise ValueError("the checksum of the lines before does not agree")
+        elif "numbers" in content:
+            found.numbers.append(str(content["numbers"]))
+        else:
+            row, column = (int(at) for at in content["tile"])
+            shards = _checksums(content["shards"])
+            found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
         before = zlib.crc32(line, before)
+
+    length = read_lines(path, take)
     if found is None:
         raise CorruptInputError(path, "is no journal of a job")
-    found.length = len(whole)
+    found.length = length
     return found
 
 
@@ -121,40 +119,23 @@ class Journal:
 
     def __init__(self, path: Path, entries: Entries) -> None:
         """Go on with a journal, or begin one, and cut off what is torn."""
-        self.path = path
         self.entries = entries
-        with as_problem_of(path):
-            self._file = path.open("ab")
-        try:
-            with as_problem_of(path):
-                self._file.truncate(entries.length)
-                if not entries.length:
-                    self._append(sealed_line({"job": entries.job, "learned": entries.learned}))
-                sync_folder(path.parent)
-        except BaseException:
-            self._file.close()
-            raise
+        first = {"job": entries.job, "learned": entries.learned}
+        self._file = JournalFile(path, entries.length, first)
 
     def add(self, tile: Tile, entry: TileEntry) -> None:
         """A tile all of whose files are on the disk."""
-        with as_problem_of(self.path):
-            self._append(_tile_line(tile, entry))
+        self._file.append(_tile_content(tile, entry))
         self.entries.tiles[tile] = entry
 
     def announce(self, crc: str) -> None:
         """The checksum of what is no map, before it is written."""
-        with as_problem_of(self.path):
-            self._append(sealed_line({"numbers": crc}))
+        self._file.append({"numbers": crc})
         self.entries.numbers.append(crc)
 
     def close(self) -> None:
         """Give the file back."""
         self._file.close()
-
-    def _append(self, line: bytes) -> None:
-        self._file.write(line)
-        self._file.flush()
-        wait_for(os.fsync, self._file.fileno())
 
 
 def checksum(path: Path) -> str:
@@ -174,7 +155,5 @@ def _checksums(content: Mapping[str, Any]) -> dict[str, str]:
     return {str(name): str(crc) for name, crc in content.items()}
 
 
-def _tile_line(tile: Tile, entry: TileEntry) -> bytes:
-    return sealed_line(
-        {"tile": list(tile), "estimated": entry.estimated, "shards": dict(entry.shards)}
-    )
+def _tile_content(tile: Tile, entry: TileEntry) -> dict[str, Any]:
+    return {"tile": list(tile), "estimated": entry.estimated, "shards": dict(entry.shards)}

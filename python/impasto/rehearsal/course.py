@@ -11,10 +11,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from impasto.errors import ArgumentError
 from impasto.rehearsal.moving_outcome import PAIRS
-from impasto.rehearsal.moving_views import MovingSession
+from impasto.rehearsal.moving_views import CARD, MovingSession
 from impasto.rehearsal.photographs import Session
 
 PICTURE = "relit.png"
@@ -25,16 +26,15 @@ ILLUMINANT = "D65"
 
 COMMAND = """
 import sys
+from impasto._internal.peak import peak_bytes
 from impasto.cli import main
 
-code = main(sys.argv[1:])
-with open("/proc/self/status") as status:
-    peak = next(line.split()[1] for line in status if line.startswith("VmHWM"))
-print(peak)
+code = main(sys.argv[2:])
+with open(sys.argv[1], "w") as file:
+    print(peak_bytes() or "unknown", file=file)
 sys.exit(code)
 """
-"""Runs a command and prints its largest resident memory in KiB: what the system says of a child
-includes its parent's."""
+"""Runs a command and writes its largest resident memory into a file: what it prints is its own."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,14 @@ class Done:
     seconds
         Wall-clock time.
     peak_mib
-        The largest resident memory of its process in MiB.
+        The largest resident memory of its process in MiB; None where the system does not say.
     said
         What it printed.
     """
 
     step: Step
     seconds: float
-    peak_mib: float
+    peak_mib: float | None
     said: str
 
 
@@ -106,12 +106,15 @@ def moving_steps(session: MovingSession, pixel_mm: float) -> list[Step]:
     width, height = session.size_mm
     rows, columns = session.painting.size
     (turn, up), (side, high) = PAIRS[0]
+    card = ",".join(f"{value:g}" for value in session.card_mm)
     rows_of = [
         ("the lens", "calibrate lens target --out painting/lens.json "
          f"--target chessboard:9x6:{session.lattice_mm:g}mm"),
         ("frontal photographs", "align painting/photographs --out painting/aligned "
          f"--markers aruco:4x4_50:{session.marker_mm:g}mm --size {width:g}x{height:g} "
-         f"--lens painting/lens.json --pixel {pixel_mm:g} --depth estimate"),
+         f"--lens painting/lens.json --pixel {pixel_mm:g} --depth estimate "
+         f"--lights painting/lights.dome --card {card} "
+         f"--card-reflectance {CARD:g} --dark painting/dark"),
         ("one file for all", "session init painting"),
         ("is all there?", "session check painting"),
         ("normals and lobes", "fit painting/session.toml --model lafortune --lobes 3 "
@@ -132,12 +135,19 @@ def carried_out(folder: Path, commands: list[Step]) -> Iterator[Done]:
     """
     for step in commands:
         start = time.perf_counter()
-        child = subprocess.run(
-            [sys.executable, "-c", COMMAND, *step.words],
-            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            check=False,
-        )  # fmt: skip
-        said, _, peak = child.stdout.rstrip().rpartition("\n")
+        with TemporaryDirectory() as own:
+            peak = Path(own) / "peak"
+            child = subprocess.run(
+                [sys.executable, "-c", COMMAND, str(peak), *step.words],
+                cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                check=False,
+            )  # fmt: skip
+            # A process that was killed has written nothing.
+            word = peak.read_text().strip() if peak.is_file() else ""
+        said = child.stdout.rstrip()
         if child.returncode != 0:
-            raise ArgumentError(f"{step} ended with exit code {child.returncode}:\n{said}")
-        yield Done(step, time.perf_counter() - start, int(peak) / 1024.0, said)
+            # One line: errors show what breaks lines as codes.
+            words = " / ".join(said.splitlines())
+            raise ArgumentError(f"{step} ended with exit code {child.returncode}: {words}")
+        mib = int(word) / (1 << 20) if word.isdigit() else None
+        yield Done(step, time.perf_counter() - start, mib, said)

@@ -2,8 +2,8 @@
 
 The painting has bulges and patches of varnish, and lies on a sheet with four large markers. A lamp
 stands at the places of the rig, near enough to fall off, and a camera with a lens photographs the
-painting from each view. No board can be photographed from every view: one frontal photograph of a
-white card says how much light a band receives. The lens has its target, the sensor its dark frames.
+painting from each view. No board can be photographed from every view: a white card lies beside the
+painting. The lens has its target, the sensor its dark frames.
 """
 
 from __future__ import annotations
@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import simulate
-from impasto.calibrate import linear_photograph
 from impasto.errors import ArgumentError
 from impasto.io import write_lights
-from impasto.io.files import atomic_bytes
 from impasto.io.lights import LightFile
 from impasto.rehearsal.recorder import BITS, DARK_FRAMES, POSES, Progress, Recorder
 from impasto.rehearsal.relief import Relief
 from impasto.rehearsal.studio import Floats, Lamp, Studio, StudioCamera
-from impasto.rehearsal.things import PAPER, marks, picture, uniform
+from impasto.rehearsal.things import PAPER, marks, picture, with_card
 from impasto.rig import PointLight, PointView, Rig
 from impasto.simulate.cameras import CAMERA_OPTIONS
 from impasto.simulate.lobes import Lobes, lobes
@@ -54,8 +52,8 @@ ROLL = np.radians(4.0)
 """Of the camera about its axis: edges of markers that lie along rows of pixels are found worse."""
 CARD = 0.99
 """Reflectance of the white card."""
-MIDDLE = 0.1
-"""Half the part of the card's photograph whose mean counts, in its rows."""
+CARD_AT, CARD_SIDES = (0.67, 0.0), (0.14, 0.3)
+"""Middle, and width and height of the card, in widths of the painting: between two markers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +63,8 @@ class MovingSession:
     Attributes
     ----------
     folder
-        With ``painting``, which holds ``photographs``, ``dark``, ``lights.dome`` and
-        ``light_intensities.txt``, with ``target``, and with ``card.tif``.
+        With ``painting``, which holds ``photographs``, ``dark`` and ``lights.dome``, and with
+        ``target``.
     painting, diffuse, lobes
         The painting, its diffuse reflectance ``(band, y, x)`` and its Lafortune lobes.
     cameras
@@ -81,6 +79,8 @@ class MovingSession:
         Pixels of the painting from the frame's edge to the painting's.
     marker_mm, lattice_mm
         Side of a marker, and of a square of the lens's target.
+    card_mm
+        Middle, width and height of the white card beside the painting.
     names
         The photographs.
     """
@@ -96,6 +96,7 @@ class MovingSession:
     rim: int
     marker_mm: float
     lattice_mm: float
+    card_mm: tuple[float, float, float, float]
     names: tuple[str, ...]
 
 
@@ -177,12 +178,15 @@ def photograph_views(
     gloss = lobes(painting, diffuse)
     seen = Photographs(painting, rig, diffuse, gloss, shadows=True)
     recorder = Recorder(
-        folder, _sensor(seed), camera.bands, len(rig) + DARK_FRAMES + POSES + 1, progress
+        folder, _sensor(seed), camera.bands, len(rig) + DARK_FRAMES + POSES, progress
     )
     bands = len(camera.bands)
     rim = round(RIM * painting.size[1])
     frame = (width + 2 * rim * painting.pitch_mm, height + 2 * rim * painting.pitch_mm)
-    around = marks(*frame, MARKER * width, bands, ground=PAPER)
+    x, y, wide, high = (width * share for share in (*CARD_AT, *CARD_SIDES))
+    around = with_card(
+        marks(*frame, MARKER * width, bands, ground=PAPER), (x, y), (wide, high), CARD
+    )
     relief = Relief(painting.height, painting.pitch_mm)
     names = tuple(f"view{number + 1:03}.tif" for number in range(len(rig)))
     for number, (name, own, lamp) in enumerate(zip(names, cameras, lamps, strict=True)):
@@ -192,13 +196,17 @@ def photograph_views(
     frontal = eye(np.array([0.0, 0.0, 1.0]))
     recorder.dark(frontal.size)
     front = Lamp(np.array([0.0, 0.0, LAMPS * width]), 1.0)
-    recorder.write("card.tif", Studio(frontal).light(front, uniform(CARD, bands)))
     lattice = LATTICE * width
     recorder.target(frontal, front, lattice, 0.2 * width, np.random.default_rng(seed))
-    _write_lamps(folder, rig, frame[0])
+    far_away = np.linalg.norm(rig.vectors, axis=1)
+    file = LightFile(
+        folder / "painting" / "lights.dome", "dome", None, rig.directions, far_away,
+        positions=rig.vectors, width_mm=frame[0],
+    )  # fmt: skip
+    write_lights(file.path, file)
     return MovingSession(
         folder, painting, diffuse, gloss, cameras, rig, flat, frame, rim, MARKER * width,
-        lattice, names,
+        lattice, (x, y, wide, high), names,
     )  # fmt: skip
 
 
@@ -207,30 +215,6 @@ def _sensor(seed: int) -> Sensor:
     options: dict[str, Any] = CAMERA_OPTIONS[SYSTEM]
     share = np.array(options["sensitivity"])
     return Sensor(Noise(), BITS, "linear", options["exposure"], share, 1, seed)
-
-
-def _write_lamps(folder: Path, rig: Rig, width_mm: float) -> None:
-    """Where the rig put the lamp, and how much light of it each band receives.
-
-    The lamp is one, and constant: the mean of the middle of the white card less the dark, over its
-    reflectance, holds for all photographs.
-    """
-    home = folder / "painting"
-    far = np.linalg.norm(rig.vectors, axis=1)
-    file = LightFile(
-        home / "lights.dome", "dome", None, rig.directions, far, positions=rig.vectors,
-        width_mm=width_mm,
-    )  # fmt: skip
-    write_lights(home / "lights.dome", file)
-    card = linear_photograph(folder / "card.tif")
-    frames = [linear_photograph(path) for path in sorted((home / "dark").iterdir())]
-    rows, columns = card.shape[1:]
-    part = (slice(None), *(
-        slice(int((0.5 - MIDDLE) * side), int((0.5 + MIDDLE) * side)) for side in (rows, columns)
-    ))  # fmt: skip
-    light = card[part].mean(axis=(1, 2)) - np.mean([one[part] for one in frames], axis=(0, 2, 3))
-    line = " ".join(f"{value:.6f}" for value in light / CARD)
-    atomic_bytes(home / "light_intensities.txt", f"{line}\n".encode() * len(rig))
 
 
 def _place(place: Floats) -> tuple[float, float, float]:

@@ -56,6 +56,21 @@ def marks(
     return seen
 
 
+def with_card(
+    around: Reflectances,
+    middle: tuple[float, float],
+    size: tuple[float, float],
+    reflectance: float,
+) -> Reflectances:
+    """What lies around, and on it a card of one reflectance."""
+
+    def seen(x: Floats, y: Floats) -> Floats:
+        inside = (np.abs(x - middle[0]) <= size[0] / 2) & (np.abs(y - middle[1]) <= size[1] / 2)
+        return np.where(inside, reflectance, around(x, y))
+
+    return seen
+
+
 def picture(planes: NDArray[np.floating], pitch_mm: float) -> Reflectances:
     """A picture ``(band, y, x)`` about the middle of the plane; NaN beyond it."""
     rows, columns = planes.shape[1:]

@@ -88,7 +88,7 @@ def check_session(path: str | Path) -> Diagnosis:
     first = headers[0] if headers else None
     if first is not None:
         found += _camera(session, first, exif)
-        if photographs.geometry is not None:
+        if photographs.geometry is not None and photographs.geometry.moves:
             grid = photographs.geometry.grid
             first = replace(first, width=grid.columns, height=grid.rows)
         found += _extent(session, photographs, first)

@@ -89,6 +89,7 @@ def find_session(folder: str | Path) -> FoundSession:
     wheel = find_filter_wheel(_candidates(home))
     photographs, problem = _photographs(home, light_file, wheel, notebook)
     optics = find_optics(folder, home, photographs)
+    optics = replace(optics, strengths=_strengths(optics.strengths, lights, photographs))
     repairs = [note for note in notebook.notes if note.repair]
     extra = _Frames.of(folder, home, photographs)
     session = Session(
@@ -100,6 +101,8 @@ def find_session(folder: str | Path) -> FoundSession:
         size_mm=optics.size_mm,
         alignment=None if optics.alignment is None else _relative(optics.alignment, folder),
     )
+    if optics.strengths is not None:
+        session = replace(session, intensities=_relative(optics.strengths, folder))
     if optics.mask is not None:
         session = replace(session, mask=_relative(optics.mask, folder))
     if wheel is not None:
@@ -121,6 +124,7 @@ def find_session(folder: str | Path) -> FoundSession:
         *([] if wheel is None else [_wheel_words(wheel)]),
         *([] if session.lens is None else [f"lens {session.lens}"]),
         *([] if session.alignment is None else [f"alignment {session.alignment}"]),
+        *([] if optics.strengths is None else [f"strengths of the lights {session.intensities}"]),
         *[str(note) for note in repairs if note.kind != "missing"],
         *extra.words(),
         *([f"camera {session.camera}"] if session.camera else []),
@@ -201,6 +205,16 @@ def _lights(folder: Path, home: Path) -> tuple[LightFile | None, str]:
             if several:
                 break
     return None, f"lights: {why}; write its name as lights.file"
+
+
+def _strengths(
+    aligned: Path | None, lights: Path | None, photographs: Sequence[Path]
+) -> Path | None:
+    """Those of the alignment, unless the light file has its own beside it or another order."""
+    if aligned is None or lights is None or any(path.is_file() for path in _implicit(lights)[:1]):
+        return None
+    by_name = sorted(photographs, key=lambda path: natural_key(path.name))
+    return aligned if list(photographs) == by_name else None
 
 
 def _candidates(home: Path) -> list[Path]:

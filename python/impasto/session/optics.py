@@ -14,6 +14,8 @@ from impasto.lens import read_lens
 
 REPORT = Path("report") / "alignment.json"
 """In the folder that ``impasto align`` makes."""
+STRENGTHS = "light_intensities.txt"
+"""In that folder, where the light file has strengths or a white card was measured."""
 MASK = "mask.png"
 """Beside the report, where a photograph does not show all of the painting."""
 
@@ -24,8 +26,9 @@ class Optics:
 
     Parameters
     ----------
-    lens, alignment, mask
-        Their files; None: none that can be used.
+    lens, alignment, mask, strengths
+        Their files; None: none that can be used. Strengths are in the order of the photographs'
+        names.
     size_mm
         Of the painting, which the alignment says.
     missing
@@ -37,10 +40,12 @@ class Optics:
     mask: Path | None = None
     size_mm: tuple[float, float] | None = None
     missing: tuple[str, ...] = ()
+    strengths: Path | None = None
 
     def every(self) -> list[Path]:
         """All files."""
-        return [path for path in (self.lens, self.alignment, self.mask) if path is not None]
+        paths = self.lens, self.alignment, self.mask, self.strengths
+        return [path for path in paths if path is not None]
 
 
 def aligned_folders(folder: Path) -> list[Path]:
@@ -84,7 +89,11 @@ def find_optics(folder: Path, home: Path, photographs: Sequence[Path]) -> Optics
         return Optics(lens, missing=tuple(missing))
     mask = report.path.parent / MASK
     own_mask = mask if mask.is_file() else None
-    return Optics(lens, report.path, own_mask, report.grid.size_mm, tuple(missing))
+    strengths = report.path.parent.parent / STRENGTHS
+    return Optics(
+        lens, report.path, own_mask, report.grid.size_mm, tuple(missing),
+        strengths if strengths.is_file() else None,
+    )  # fmt: skip
 
 
 def _lenses(folders: Sequence[Path]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Capture by hand: a person switches the lamps, or releases a camera that saves into a folder."""
+"""Capture by hand: a person switches lamps, sets joints, or releases a camera with a folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.capture.devices import Frame
+from impasto.capture.devices import Frame, Pose
 from impasto.errors import ArgumentError, CorruptInputError, DeviceError, DisconnectedError
 from impasto.io.images import IMAGE_SUFFIXES, read_header
 
@@ -65,6 +65,42 @@ class HandLights:
             self._confirm()
 
 
+class HandStage:
+    """Joints that a person sets, who is told the angles.
+
+    Parameters
+    ----------
+    joints
+        Their names.
+    say
+        Called with the sentence that says how to set them; not where they stay as they are.
+    confirm
+        Called after it, and returns when the person has done so; None: nobody waits.
+    """
+
+    def __init__(
+        self,
+        joints: tuple[str, ...],
+        say: Callable[[str], None],
+        confirm: Callable[[], None] | None = None,
+    ) -> None:
+        self.joints = joints
+        self._say = say
+        self._confirm = confirm
+        self._set: dict[str, float] = {}
+
+    def move(self, pose: Pose) -> Pose:
+        """Say the angles of all joints; they count as set when the person confirms them."""
+        wanted = dict(pose.angles)
+        if wanted and wanted != self._set:
+            angles = (f"{name} to {math.degrees(wanted[name]) + 0.0:.1f}" for name in self.joints)
+            self._say(f"set {', '.join(angles)} degrees")
+            if self._confirm is not None:
+                self._confirm()
+            self._set = wanted
+        return pose
+
+
 class FolderCamera:
     """A camera that a person releases and that saves into a folder, by cable or card.
 
@@ -104,9 +140,13 @@ class FolderCamera:
         self._patience_s = patience_s
         self._poll_s = poll_s
         self._known = self._files().keys()
+        self._seconds: float | None = None
 
     def set_exposure(self, seconds: float) -> float | None:
-        """Nobody can read it back: EXIF of the photograph says what it was."""
+        """Say another time than that before; EXIF of the photograph says what it was."""
+        if self._seconds not in {None, seconds}:
+            self._say(f"set the exposure time to {1000.0 * seconds:.4g} ms")
+        self._seconds = seconds
         return None
 
     def trigger(self) -> Frame:

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.bands import Camera
-from impasto.capture.devices import Frame, Pose
+from impasto.capture.ball_joint import JOINTS
+from impasto.capture.devices import Frame, Pose, Vector
 from impasto.capture.drivers.faults import DRIFT_TRIGGERS, Fault, Faults
+from impasto.capture.joints import directions_of
 from impasto.errors import DeviceError, DisconnectedError
 from impasto.rig import FRONTAL, Rig
 from impasto.simulate import Noise, Painting
@@ -82,6 +84,11 @@ class SimulatedRig:
     def name(self) -> str:
         """Of the camera."""
         return "simulated camera"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Nothing turns; the camera and the lamp go wherever a plan says."""
+        return ()
 
     def set_exposure(self, seconds: float) -> float | None:
         """Begin an order: the next photograph of the list of faults."""
@@ -172,11 +179,15 @@ class SimulatedRig:
 
     def _light(self, lamp: int) -> NDArray[np.float32]:
         """``(band, y, x)``: under one lamp, from the view of the pose."""
-        if self._pose.light is None and self._pose.view is None:
+        light, view = self._towards(lamp)
+        if light is None and view is None:
             return self._photographs.light(lamp - 1, "planned")
-        towards = self._pose.light or self.directions[lamp - 1]
-        rig = Rig(np.array([towards]), views=self._pose.view or FRONTAL)
+        rig = Rig(np.array([light or self.directions[lamp - 1]]), views=view or FRONTAL)
         return replace(self._photographs, rig=rig).light(0, "planned")
+
+    def _towards(self, lamp: int) -> tuple[Vector | None, Vector | None]:
+        """To lamp and eye in the frame of the painting; None: as the list of lamps, from front."""
+        return self._pose.light, self._pose.view
 
     @property
     def _fault(self) -> Fault | None:
@@ -195,3 +206,21 @@ class SimulatedRig:
     def _sensor(self) -> Sensor:
         share = np.ones(len(self._camera.bands))
         return Sensor(Noise(), 16, "linear", 0.5, share, 1, self.seed)
+
+
+@dataclass(eq=False)
+class SimulatedBallJoint(SimulatedRig):
+    """The rig of the third paper [@snel]: the painting turns on a ball joint.
+
+    ``directions`` are those of the lamp's places in the frame of the room. Lamp and eye, as the
+    painting sees them, follow from the angles of the joints; what a plan states of them is not
+    read. The photograph is the frontal view of the painting, without perspective.
+    """
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Pan, tilt and roll of the painting, and the angle of the camera."""
+        return JOINTS
+
+    def _towards(self, lamp: int) -> tuple[Vector | None, Vector | None]:
+        return directions_of(self._pose, self.directions[lamp - 1])

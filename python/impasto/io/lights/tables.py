@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.checks import FARTHEST_MM
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.lights.light_file import SHORTEST, LightFile, comma_numbers, finish, number
 from impasto.io.notes import Notebook
@@ -18,6 +19,7 @@ from impasto.io.notes import Notebook
 COLUMNS = ("light_x", "light_y", "light_z")
 VIEW_COLUMNS = ("view_x", "view_y", "view_z")
 CAMERA_COLUMNS = ("camera_mm", "pixel_mm")
+LAMP_COLUMNS = ("light_mm",)
 """Header of a table that has all; headers are not read."""
 
 
@@ -97,7 +99,8 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
 
     Three numbers in a row are the direction to the light; six are that and the direction to the
     eye; eight are also the distance of the camera from the middle of the painting and the width of
-    a pixel, both in mm.
+    a pixel, both in mm. Nine, after a name, are also the distance of the lamp in mm; the camera is
+    far away where its distance is 0 then.
     """
     first = text.lstrip().splitlines()[0] if text.strip() else ""
     delimiter = max(";\t,", key=first.count)
@@ -113,7 +116,7 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
     for position, (line, cells) in enumerate(records):
         while cells and not cells[-1]:
             cells.pop()
-        count = 8 if len(cells) > 7 else 6 if len(cells) > 5 else 3
+        count = 9 if len(cells) > 9 else 8 if len(cells) > 7 else 6 if len(cells) > 5 else 3
         values: list[float | None] = [number(cell) for cell in cells[-count:]]
         if len(values) == count and None in values:
             repaired = comma_numbers(cells[-count:])
@@ -125,12 +128,13 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
             raise CorruptInputError(
                 path,
                 f"line {line}: expected [name{delimiter}] x y z of the light, or these and x y z "
-                f"of the view, or also camera_mm and pixel_mm, found {cells}",
+                f"of the view, or also camera_mm and pixel_mm, or also light_mm, found {cells}",
             )
         rows.append([v for v in values if v is not None])
         labels.append(f"line {line}")
         if len(cells) == count + 1:
             names.append(cells[0])
+    lamps = _lamps(rows, path)
     vectors, views, far, pitch = _lights_and_views(rows, path)
     if names and len(names) != len(vectors):
         raise CorruptInputError(path, f"{len(names)} of {len(vectors)} lines name an image")
@@ -138,17 +142,34 @@ def parse_csv(text: str, path: Path, notebook: Notebook, layout: str | None) -> 
         notebook.repair("comma", path, f"{commas} line(s) with decimal commas: read as points")
     if not names and len(vectors) == 3 and views is None:
         vectors = _table(vectors, path, layout or "rows")[0].tolist()
+    directions = np.array(vectors, dtype=np.float64).reshape(-1, 3)
+    positions = None
+    if lamps is not None:
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+        # A direction of length 0 stays as it is; the error names it.
+        positions = directions / np.where(lengths > 0.0, lengths, 1.0) * lamps[:, None]
     return finish(
         path,
         "csv",
-        np.array(vectors, dtype=np.float64).reshape(-1, 3),
+        directions,
         labels,
         notebook,
         names=tuple(names) or None,
         views=views,
         view_positions=None if views is None or far is None else views * far[:, None],
+        positions=positions,
         pitch_mm=pitch,
     )
+
+
+def _lamps(rows: list[list[float]], path: Path) -> NDArray[np.float64] | None:
+    """Distances of near lamps in mm, where all rows have them."""
+    if {len(row) for row in rows} != {9}:
+        return None
+    found = np.array([row[8] for row in rows])
+    if not ((found >= 1.0 / FARTHEST_MM) & (found <= FARTHEST_MM)).all():
+        raise CorruptInputError(path, "light_mm: expected distances of the lamps above 0 in mm")
+    return found
 
 
 def _lights_and_views(
@@ -160,17 +181,19 @@ def _lights_and_views(
         raise CorruptInputError(
             path, "some lines have a view and others do not: give all photographs one, or none"
         )
-    if not widths & {6, 8}:
+    if not widths & {6, 8, 9}:
         return rows, None, None, None
     lights, views = [row[:3] for row in rows], unit_views([row[3:6] for row in rows], path)
     if widths == {6}:
         return lights, views, None, None
     far, pitch = np.array([row[6] for row in rows]), {row[7] for row in rows}
+    if widths == {9} and not far.any():
+        far = np.full(len(far), np.inf)
     if not (far > 0.0).all() or len(pitch) > 1 or min(pitch) <= 0.0:
         raise CorruptInputError(
             path, "expected distances of the camera above 0 in mm, and one width of a pixel"
         )
-    return lights, views, far, pitch.pop()
+    return lights, views, far if np.isfinite(far).all() else None, pitch.pop()
 
 
 def unit_views(rows: Sequence[Sequence[float]], path: Path) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_bytes
 from impasto.io.lights.light_file import LightFile
-from impasto.io.lights.tables import CAMERA_COLUMNS, COLUMNS, VIEW_COLUMNS
+from impasto.io.lights.tables import CAMERA_COLUMNS, COLUMNS, LAMP_COLUMNS, VIEW_COLUMNS
 from impasto.io.notes import LOG
 from impasto.rig import FRONTAL, Rig
 
@@ -38,8 +38,9 @@ def write_lights(
         The file to write (replaced atomically). Any ending but ``.csv``: the ``.lp`` format, which
         has lights only. ``.csv``: a table with a header, whose columns are the photograph, the
         direction to the light, and the direction to the eye; of a :class:`LightFile` that knows the
-        places of cameras and the width of a pixel, also these, in mm. ``.dome``: positions of near
-        lamps in mm, in the format of relight, which has no names: photographs follow in its order.
+        places of cameras or lamps and the width of a pixel, also their distances and this, in mm.
+        ``.dome``: positions of near lamps in mm, in the format of relight, which has no names:
+        photographs follow in its order.
     lights
         ``(n, 3)`` directions, a :class:`~impasto.Rig` or a :class:`LightFile`. Of near lamps and
         cameras, the directions from the middle of the painting.
@@ -73,8 +74,8 @@ def write_lights(
         )
     if table:
         views = np.broadcast_to(FRONTAL, directions.shape) if views is None else views
-        near = _near(lights)
-        text = _csv(names, np.hstack([directions, views, *near]), bool(near))
+        near, columns = _near(lights)
+        text = _csv(names, np.hstack([directions, views, *near]), columns)
     else:
         if len(names) > RELIGHT_LIMIT:
             message = "%s: %d lights; relight reads at most %d"
@@ -112,20 +113,33 @@ def _lp(names: Sequence[str], directions: Directions) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _near(lights: Any) -> list[Directions]:
-    """``(n, 2)`` distances of cameras and the width of a pixel, in mm; nothing where not known."""
-    if not isinstance(lights, LightFile) or lights.view_positions is None:
-        return []
+def _near(lights: Any) -> tuple[list[Directions], tuple[str, ...]]:
+    """Distances of cameras and lamps and the width of a pixel, in mm, and their columns.
+
+    Nothing where not known; the camera is at 0 where only the lamps are near.
+    """
+    if not isinstance(lights, LightFile):
+        return [], ()
+    cameras, lamps = lights.view_positions, lights.positions
+    if cameras is None and lamps is None:
+        return [], ()
     if lights.pitch_mm is None:
-        raise ArgumentError("lights: places of cameras need the width of a pixel, pitch_mm=")
-    far = np.linalg.norm(lights.view_positions, axis=1)
-    return [np.column_stack([far, np.full(len(far), lights.pitch_mm)])]
+        raise ArgumentError(
+            "lights: places of cameras and lamps need the width of a pixel, pitch_mm="
+        )
+    count = len(lights)
+    far = np.zeros(count) if cameras is None else np.linalg.norm(cameras, axis=1)
+    columns = [far, np.full(count, lights.pitch_mm)]
+    if lamps is None:
+        return [np.column_stack(columns)], CAMERA_COLUMNS
+    columns.append(np.linalg.norm(lamps, axis=1))
+    return [np.column_stack(columns)], (*CAMERA_COLUMNS, *LAMP_COLUMNS)
 
 
-def _csv(names: Sequence[str], numbers: Directions, near: bool) -> str:
+def _csv(names: Sequence[str], numbers: Directions, more: tuple[str, ...]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["photograph", *COLUMNS, *VIEW_COLUMNS, *(CAMERA_COLUMNS if near else ())])
+    writer.writerow(["photograph", *COLUMNS, *VIEW_COLUMNS, *more])
     for name, row in zip(names, numbers.tolist(), strict=True):
         writer.writerow([name, *map(repr, row)])
     return text.getvalue()

@@ -81,6 +81,8 @@ class Calibration:
         ``(band, y, x)`` linear, or None.
     board
         For each observation the board's file (codes), one array for all, or None.
+    board_exposure
+        ``(obs,)`` exposure of each photograph over that of its board, or None: the same.
     gains
         ``(obs, band)`` strength of each light in each band, or None.
     geometry
@@ -95,6 +97,7 @@ class Calibration:
     dark: NDArray[np.float32] | None = None
     board: Sequence[Path] | NDArray[Any] | None = None
     board_reflectance: NDArray[np.float64] | None = None
+    board_exposure: NDArray[np.float64] | None = None
     rig: Rig | None = None
     gains: NDArray[np.float64] | None = None
     region: Region | None = None
@@ -131,6 +134,8 @@ class Calibration:
             value = value - self._dark(index, value.shape)
         if self.board is not None:
             value = value * self._flat(index, value.shape)
+            if self.board_exposure is not None:
+                value = value / np.float32(self.board_exposure[index])
         if self.gains is not None:
             value = value / self.gains[index][:, None, None].astype(np.float32)
         if self.saturation is not None:
@@ -219,7 +224,7 @@ def resampled_dark(
     if paths is None:
         if np.ndim(np.asarray(dark)) > 1:
             raise ArgumentError(
-                "dark: with a lens or an alignment, dark frames are files; found an array"
+                "dark: with a lens, an alignment or brackets, dark frames are files; found an array"
             )
         return read_dark(dark, (bands, 1, 1), curve, None, layer)
     total = np.zeros((1, 1, 1))
@@ -271,13 +276,17 @@ def read_dark(
             f"dark: shape {array.shape} does not fit photographs of shape {shape} (band, y, x)"
         )
     linear = np.broadcast_to(linear, (shape[0], *linear.shape[1:]))
-    return _checked_dark(np.ascontiguousarray(linear, np.float32), encoding)
+    stated = array.reshape(-1).tolist() if array.ndim < 2 else None
+    return _checked_dark(np.ascontiguousarray(linear, np.float32), encoding, stated)
 
 
-def _checked_dark(linear: NDArray[np.float32], encoding: Encoding) -> NDArray[np.float32]:
+def _checked_dark(
+    linear: NDArray[np.float32], encoding: Encoding, stated: Sequence[float] | None = None
+) -> NDArray[np.float32]:
     """A dark level is finite and below full scale; a frame may have bad pixels, not only bad ones.
 
     What the pixels of floating-point pictures can reach at most is not known (``white`` 1.0).
+    ``stated`` are the codes of levels, one or one per band, as they were given.
     """
     usable: NDArray[np.bool_] = np.isfinite(linear)
     if encoding.white != 1.0:
@@ -285,6 +294,8 @@ def _checked_dark(linear: NDArray[np.float32], encoding: Encoding) -> NDArray[np
     for band, some in enumerate(usable.reshape(len(usable), -1)):
         if not some.any():
             level = encoding.white * float(linear[band].flat[0])
+            if stated is not None:
+                level = stated[band % len(stated)]
             raise ArgumentError(
                 f"dark: expected finite codes below full scale ({encoding.white:g}), band {band} "
                 f"holds none (such as {level:g})"

@@ -15,6 +15,7 @@ from impasto.io.lights.light_file import finish
 from impasto.io.lights.tables import unit_views
 from impasto.io.notes import Notebook, few
 from impasto.io.session.alignment import read_alignment
+from impasto.io.session.brackets import Brackets, place_of
 from impasto.io.session.frames import frame_paths
 from impasto.io.session.geometry import Geometry, check_lens, curve_of
 from impasto.io.session.photographs import find_photographs, read_photographs
@@ -42,6 +43,8 @@ _ARGUMENTS = {
 }
 _RESAMPLING = {"alignment": "photographs.alignment", "lens": "camera.lens"}
 """No arguments of :func:`impasto.read_stack`."""
+_MERGING = ("brackets", "noise")
+"""Likewise; they name no files that lie in the folder of the session."""
 
 
 class SessionPhotographs:
@@ -123,7 +126,7 @@ class SessionPhotographs:
         wanted = {"lights", "images", "mask", "white", "dark", "pattern", "bands", "names"}
         arguments = {name: self.arguments[name] for name in self.arguments.keys() & wanted}
         try:
-            _, found = find_photographs(self.path, Notebook(), **arguments)
+            _, found = find_photographs(self.path, Notebook(), others=self._others, **arguments)
         except ArgumentError as error:
             raise self._located(error) from error
         self._guard([path for files in found.files for path in files], Notebook())
@@ -141,12 +144,15 @@ class SessionPhotographs:
             raise self._located(error) from error
         return stack._replace(
             notes=(*self._notebook.notes, *stack.notes),
-            sources=tuple(dict.fromkeys((_file(self.session), *stack.sources, *self._optics))),
+            sources=tuple(
+                dict.fromkeys((_file(self.session), *stack.sources, *self._others, *self._optics))
+            ),
         )
 
     def _geometry(self, lens: Path | None, alignment: Path | None) -> Geometry | None:
         self._optics: list[Path] = []
-        if lens is None and alignment is None:
+        brackets = self._brackets()
+        if lens is None and alignment is None and brackets is None:
             return None
         optics = None if lens is None else read_lens(lens)
         report = None if alignment is None else read_alignment(alignment)
@@ -167,9 +173,36 @@ class SessionPhotographs:
                 report,
                 curve_of(self.arguments.get("encoding")),
                 None if saturation is None else float(np.ravel(saturation)[0]),
+                brackets,
             )
         except ArgumentError as error:
             raise self._located(error) from error
+
+    def _brackets(self) -> Brackets | None:
+        """Files and times of all brackets; the files must be there."""
+        self._others: list[Path] = []
+        listed, dark = self.session.brackets, self.arguments.get("dark")
+        if listed is None:
+            return None
+        own = self.path if self.path.is_dir() else self.path.parent
+        folder = Path(self.arguments.get("images", own))
+        frames: dict[Path, list[tuple[Path, float]]] = {}
+        for name, times in listed.items():
+            paths = [(folder / one, seconds) for one, seconds in times]
+            for path, _ in paths:
+                if not path.is_file():
+                    place = self.session.place(f"photographs.brackets.{name}")
+                    raise ArgumentError(f"{place}: {path} does not exist")
+            frames[place_of(folder / name)] = paths
+        level: Any = None if dark is None else frame_paths(dark)
+        if dark is not None and level is None:
+            level = np.asarray(dark, np.float64)
+            if level.ndim > 1:
+                raise ArgumentError("dark: with brackets, dark frames are files; found an array")
+        noise = self.session.noise
+        found = Brackets(frames, level, *(() if noise is None else (noise,)))
+        self._others = found.others
+        return found
 
     def _check_pitch(self, pixel_mm: float) -> None:
         pitch = self.arguments.get("pitch_mm")
@@ -202,7 +235,7 @@ class SessionPhotographs:
         session, own = self.session, {}
         for key in KEYS:
             known = key.name in _ARGUMENTS.values() or key.attribute in _RESAMPLING
-            if not known or key.attribute in (*_LAMPS, "views"):
+            if not known or key.attribute in (*_LAMPS, "views", *_MERGING):
                 continue
             value = getattr(session, key.attribute)
             if self._has(key.attribute) and key.attribute not in self._given:
@@ -212,6 +245,8 @@ class SessionPhotographs:
                 )
                 own[key.attribute] = self._inside(value, key.name) if named else value
         lamps = self._given.get("lights")
+        if "white" in self._given:
+            own.pop("board_exposure", None)
         if self._rig_given:
             own.pop("intensities", None)
         folder = Path(self._given.get("images", own.get("images", root(session))))
@@ -253,6 +288,7 @@ class SessionPhotographs:
         """Photographs that a light file names may lie anywhere."""
         if "images" in self._given:
             return
+        photographs = [*photographs, *self._others]
         for path in photographs:
             confined(self.session, path, "photographs")
         if self.session.sha256 and (others := unlisted(self.session, photographs)):

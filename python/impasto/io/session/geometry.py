@@ -1,4 +1,4 @@
-"""Photographs with the lens corrected and the alignment applied, in one resampling.
+"""Photographs on the pixels of the stack: brackets merged, lens and alignment in one resampling.
 
 The same as ``impasto align`` writes, bit for bit: linear codes of 16 bits or floats, by Lanczos
 interpolation [@duchon1979lanczos].
@@ -20,6 +20,7 @@ from impasto.errors import ArgumentError
 from impasto.frontal_view import FrontalView, cameras_of
 from impasto.io.images import MAX_PIXELS, ImageHeader, open_picture
 from impasto.io.session.alignment import Alignment
+from impasto.io.session.brackets import FULL, Brackets
 from impasto.io.session.linear_codes import (
     Photograph,
     full_scale,
@@ -49,16 +50,28 @@ class Geometry:
         Tone curve of the photographs; None: 8 bits by their profile, else sRGB; others linear.
     saturation
         Code from which samples are clipped; None: the largest.
+    brackets
+        Photographs that are merged of several exposures; then all are floats of full scale 1.
+        With neither lens nor alignment the pixels stay as they are.
     """
 
     lens: Lens | None
     alignment: Alignment | None
     encoding: str | None = None
     saturation: float | None = None
+    brackets: Brackets | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether photographs are resampled at all."""
+        return self.lens is not None or self.alignment is not None
 
     @property
     def grid(self) -> Grid:
-        """The pixels of the stack; 1 mm each where there is no alignment."""
+        """The pixels of the stack; 1 mm each where there is no alignment.
+
+        Only where photographs are resampled (:attr:`moves`).
+        """
         if self.alignment is not None:
             return self.alignment.grid
         assert self.lens is not None
@@ -115,13 +128,20 @@ class Geometry:
     def photograph(
         self, path: Path, layer: str | None = None, max_pixels: int = MAX_PIXELS
     ) -> Photograph:
-        """Linear codes of a file as the camera wrote it.
+        """Linear codes of a file as the camera wrote it; a bracket is merged.
 
         Raises
         ------
         ArgumentError
             It has not the size that the lens was calibrated with.
         """
+        if self.brackets is None:
+            return self._single(path, layer, max_pixels)
+        return self.brackets.read(
+            path, lambda one: self._single(one, layer, max_pixels), lambda: self.stored_curve(path)
+        )
+
+    def _single(self, path: Path, layer: str | None, max_pixels: int) -> Photograph:
         found = read_photograph(
             path, self.encoding, self.saturation, layer=layer, max_pixels=max_pixels
         )
@@ -147,6 +167,8 @@ class Geometry:
         Pixels that it does not show are 0. ``name`` is that of the photograph whose place it has;
         ``full`` the code from which samples are clipped.
         """
+        if not self.moves:
+            return planes[:, rows, columns]
         view, shift = self.view(name)
         found = rectified_window(
             planes, view, self.grid, rows, columns,
@@ -175,13 +197,18 @@ class Resampled(Source):
             self._bands, self._size = picture.shape[0], picture.shape[1:]
             stored = picture.header
         self.full = linear_table(stored, geometry.encoding, geometry.saturation)[1]
-        dtype = np.float32 if stored.dtype.kind == "f" else np.uint16
+        floats = stored.dtype.kind == "f"
+        if geometry.brackets is not None and not floats:
+            floats, self.full = True, None if self.full is None else self.full / FULL
+        dtype = np.float32 if floats else np.uint16
         self._geometry, self._path, self._layer = geometry, path, layer
         self._max_pixels = max_pixels
-        geometry.view(path.name)  # refused before anything is decoded
-        grid = geometry.grid
+        size = stored.width, stored.height
+        if geometry.moves:
+            geometry.view(path.name)  # refused before anything is decoded
+            size = geometry.grid.columns, geometry.grid.rows
         self.header: ImageHeader = replace(
-            stored, width=grid.columns, height=grid.rows, dtype=np.dtype(dtype), curve="linear"
+            stored, width=size[0], height=size[1], dtype=np.dtype(dtype), curve="linear"
         )
         self._photograph: Photograph | None = None
 
@@ -256,7 +283,7 @@ def curve_of(encoding: Encoding | str | None) -> str | None:
         return encoding.curve
     if encoding is not None and str(encoding).lower() == "auto":
         raise ArgumentError(
-            'encoding: "auto" needs the photographs as they are; with a lens or an alignment say '
-            '"srgb", "linear" or a gamma'
+            'encoding: "auto" needs the photographs as they are; with a lens, an alignment or '
+            'brackets say "srgb", "linear" or a gamma'
         )
     return None if encoding is None else str(encoding)

@@ -51,6 +51,7 @@ def read_photographs(
     white: FrameSource | None = None,
     dark: FrameSource | None = None,
     board_reflectance: ArrayLike | None = None,
+    board_exposure: ArrayLike | None = None,
     intensities: str | Path | ArrayLike | None = None,
     pattern: str | Sequence[str] | None = None,
     bands: Sequence[str] | None = None,
@@ -65,7 +66,8 @@ def read_photographs(
 ) -> Stack:
     """As :func:`impasto.read_stack`, for a light file or a folder of photographs.
 
-    ``names`` are those of the photographs in a folder, where ``lights`` names none. ``geometry``
+    ``names`` are those of the photographs in a folder, where ``lights`` names none.
+    ``board_exposure`` is the exposure of the photographs over that of ``white``. ``geometry``
     resamples them; it has their tone curve and the code from which they are clipped.
     """
     notebook = Notebook(strict)
@@ -80,6 +82,7 @@ def read_photographs(
         pattern=pattern,
         bands=bands,
         names=names,
+        others=() if geometry is None or geometry.brackets is None else geometry.brackets.others,
     )
     if guard is not None:
         guard([path for files in observations.files for path in files], notebook)
@@ -132,6 +135,7 @@ def read_photographs(
         if white is None
         else _board_frames(white, observations, shape, area, listed, notebook, geometry),
         board_reflectance=_board(board_reflectance, shape[0], white),
+        board_exposure=_exposures(board_exposure, len(listed.lights), observations.kept, white),
         rig=rig,
         gains=gains,
         region=area,
@@ -185,11 +189,16 @@ def find_photographs(
     pattern: str | Sequence[str] | None = None,
     bands: Sequence[str] | None = None,
     names: tuple[str, ...] | None = None,
+    others: Sequence[Path] = (),
 ) -> tuple[ListedLights, Observations]:
-    """The lights and the files of each photograph, none of which is opened."""
+    """The lights and the files of each photograph, none of which is opened.
+
+    ``others`` are pictures in the folder that are no photographs by themselves.
+    """
     listed = listed_lights(path, lights, notebook, names)
     folder = Path(images) if images is not None else (path if path.is_dir() else path.parent)
-    excluded = [
+    excluded = list(others)
+    excluded += [
         p for option in (mask, white, dark) if option is not None for p in frame_paths(option) or ()
     ]
     observations = find_observations(
@@ -215,7 +224,9 @@ def _board_frames(
     geometry: Geometry | None,
 ) -> Sequence[Path] | NDArray[Any]:
     if geometry is not None and frame_paths(white) is None:
-        raise ArgumentError("white: with a lens or an alignment, boards are files; found an array")
+        raise ArgumentError(
+            "white: with a lens, an alignment or brackets, boards are files; found an array"
+        )
     return find_board(white, observations.names, shape, area, listed.source, notebook)
 
 
@@ -263,6 +274,23 @@ def _board(
     if reflectance is not None and white is None:
         raise ArgumentError("board_reflectance: needs photographs of the board (white=)")
     return _per_band(1.0 if reflectance is None else reflectance, count, "board_reflectance")
+
+
+def _exposures(
+    ratios: ArrayLike | None, lights: int, kept: Sequence[int], white: FrameSource | None
+) -> NDArray[np.float64] | None:
+    """``(obs,)`` exposures over those of the boards."""
+    if ratios is None:
+        return None
+    if white is None:
+        raise ArgumentError("board_exposure: needs photographs of the board (white=)")
+    found = np.asarray(ratios, np.float64)
+    if found.shape not in {(), (lights,)}:
+        raise ArgumentError(
+            f"board_exposure: expected one number, or one for each of {lights} lights, found "
+            f"{found.size}"
+        )
+    return np.broadcast_to(found, (lights,))[list(kept)]
 
 
 def _per_band(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:

@@ -32,6 +32,11 @@ class Session:
         Name of the camera; focal length in pixels.
     lens, alignment
         Files of a lens and of an alignment, by which photographs are resampled.
+    brackets
+        Files and exposure times in seconds of each photograph that was taken several times, by the
+        name of its shortest exposure.
+    noise
+        Standard deviations of a code in the dark and at full scale, as shares of full scale.
     images, pattern, bands, layer, encoding, saturation, mask, pitch_mm, region, strict, max_pixels
         As :func:`impasto.read_stack` takes them.
     lights
@@ -41,6 +46,8 @@ class Session:
         the lamp in mm, and the direction to the eye, as (x, y, z).
     intensities, dark, white, board_reflectance
         As :func:`impasto.read_stack` takes them.
+    board_exposure
+        Exposure of each photograph over that of its board.
     sha256
         Of each file by its name, 64 hexadecimal digits.
     lines
@@ -66,6 +73,8 @@ class Session:
     region: tuple[int, int, int, int] | None = None
     strict: bool = False
     max_pixels: int | None = None
+    noise: tuple[float, float] | None = None
+    brackets: Mapping[str, tuple[tuple[str, float], ...]] | None = None
     lights: str | None = None
     directions: Mapping[str, Vector] | None = None
     positions_mm: Mapping[str, Vector] | None = None
@@ -74,6 +83,7 @@ class Session:
     dark: Any = None
     white: str | tuple[str, ...] | None = None
     board_reflectance: float | tuple[float, ...] | None = None
+    board_exposure: float | tuple[float, ...] | None = None
     sha256: Mapping[str, str] = field(default_factory=dict)
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
 
@@ -185,6 +195,17 @@ KEYS = (
         "Larger photographs are refused.", "2147483648",
     ),
     Key(
+        "photographs.noise", "noise", values.noise,
+        "Of brackets: standard deviation of a code in the dark, and at full scale without that, as "
+        "shares of full scale. Default: 0.001 and 0.005.", "[0.001, 0.005]",
+    ),
+    Key(
+        "photographs.brackets", "brackets", values.brackets,
+        "Photographs that were taken with several exposures and are read as one: by the file of "
+        "the shortest, the files and their exposure times in seconds.",
+        '"photo1-1.tif" = [["photo1-1.tif", 0.002], ["photo1-2.tif", 0.008]]',
+    ),
+    Key(
         "lights.file", "lights", values.file,
         "Light file: .lp, .csv, .txt, .dome, .relight or .json.", '"lights.lp"', files=True,
     ),
@@ -223,6 +244,11 @@ KEYS = (
         "Reflectance of that board, one or one for each band. Default: 1.", "0.99",
     ),
     Key(
+        "calibration.board_exposure", "board_exposure", values.per_light,
+        "Exposure time of the photographs over that of their boards, one number or one for each "
+        "light. Default: 1.", "[1.0, 0.5, 1.0]",
+    ),
+    Key(
         "files", "sha256", values.hashes,
         "SHA-256 of each file; another file of that name is refused.",
         f'"photo1.jpg" = "{64 * "0"}"',
@@ -230,5 +256,7 @@ KEYS = (
 )  # fmt: skip
 """All keys but ``version``, in the order of the file."""
 
-TABLES = frozenset({"lights.directions", "lights.positions_mm", "lights.views", "files"})
+TABLES = frozenset({
+    "photographs.brackets", "lights.directions", "lights.positions_mm", "lights.views", "files",
+})  # fmt: skip
 """Keys that are sections, with a line for each file."""

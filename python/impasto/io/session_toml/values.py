@@ -143,6 +143,14 @@ def per_band(value: Any) -> float | tuple[float, ...]:
     return positive(value, expected)
 
 
+def per_light(value: Any) -> float | tuple[float, ...]:
+    """One positive number, or one for each light."""
+    expected = "a positive number, or a list of one for each light"
+    if isinstance(value, list) and value:
+        return tuple(positive(one, expected) for one in value)
+    return positive(value, expected)
+
+
 def dark(value: Any) -> Any:
     """Frames, or a level."""
     expected = "a file, a folder, a list of files, or a level in codes"
@@ -179,6 +187,44 @@ def strengths(value: Any) -> Any:
 def vectors(value: Any) -> dict[str, Vector]:
     """Three numbers for each photograph, by its name."""
     return {file(name): _vector(one) for name, one in _table(value).items()}
+
+
+def noise(value: Any) -> tuple[float, float]:
+    """Read noise and shot noise."""
+    expected = "[read noise, shot noise] as shares of full scale, above 0 and below 1"
+    if not isinstance(value, list) or len(value) != 2:
+        raise refuse(expected, value)
+    read, shot = (positive(one, expected) for one in value)
+    if max(read, shot) >= 1.0:
+        raise refuse(expected, value)
+    return read, shot
+
+
+def brackets(value: Any) -> dict[str, tuple[tuple[str, float], ...]]:
+    """Files and exposure times of each bracket, by the name of its shortest exposure."""
+    expected = 'two or more of ["file", seconds], each file once'
+    found: dict[str, tuple[tuple[str, float], ...]] = {}
+    seen: set[str] = set()
+    for name, rows in _table(value).items():
+        if not isinstance(rows, list) or len(rows) < 2:
+            raise refuse(expected, rows)
+        frames = []
+        for row in rows:
+            if not isinstance(row, list) or len(row) != 2:
+                raise refuse(expected, row)
+            frames.append((file(row[0]), positive(row[1], "an exposure time in seconds")))
+        frames.sort(key=lambda frame: frame[1])
+        for one, _ in frames:
+            if one.casefold() in seen:
+                raise ValueError(f"{one} is in brackets twice; each file belongs to one photograph")
+            seen.add(one.casefold())
+        if file(name) != frames[0][0]:
+            raise ValueError(
+                f"the bracket of {name!r} has {frames[0][0]!r} as its shortest exposure: give it "
+                "that name, here and where the lights are"
+            )
+        found[name] = tuple(frames)
+    return found
 
 
 def hashes(value: Any) -> dict[str, str]:
