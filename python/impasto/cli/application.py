@@ -13,7 +13,7 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, capture, console, job, session
+from impasto.cli import calibrate, capture, console, edit, job, session
 from impasto.cli.codes import Exit
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
@@ -49,6 +49,7 @@ def application() -> App:
     app.command(calibrate.application())
     app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
+    app.command(edit.application())
     app.command("impasto.cli.rehearse:rehearse", help="Rehearse a session on a simulation.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
