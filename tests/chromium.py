@@ -8,6 +8,7 @@ import os
 import select
 import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,15 @@ from typing import Any
 PROGRAM = shutil.which("chromium")
 PATIENCE = 60.0
 """Seconds for an answer: the browser starts on a busy machine."""
+
+START = """
+import os, sys
+ends = [os.dup(os.dup(int(word))) for word in sys.argv[1:3]]
+os.dup2(ends[0], 3)
+os.dup2(ends[1], 4)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""The browser reads from descriptor 3 and writes to 4; a shell names only nine descriptors."""
 
 
 class Chromium:
@@ -39,10 +49,8 @@ class Chromium:
             "--disable-dev-shm-usage", "--disable-background-networking", "--disable-sync",
             "--remote-debugging-pipe", f"--user-data-dir={folder}", "about:blank",
         ]  # fmt: skip
-        # The browser reads from descriptor 3 and writes to 4.
-        script = f'exec "$@" 3<&{into_browser} 4>&{from_browser}'
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", script, "sh", *words],
+            [sys.executable, "-c", START, str(into_browser), str(from_browser), *words],
             pass_fds=(into_browser, from_browser),
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
@@ -52,7 +60,9 @@ class Chromium:
         self._session: str | None = None
         pages = self.call("Target.getTargets")["targetInfos"]
         target = next(page["targetId"] for page in pages if page["type"] == "page")
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
+            "sessionId"
+        ]
         theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[theme])
         self.call(
@@ -117,7 +127,9 @@ class Chromium:
     def open(self, url: str) -> None:
         """Load a page, until it says that it is ready."""
         self.call("Page.navigate", url=url)
-        self.until(f"location.href === {json.dumps(url)} && document.documentElement.dataset.ready")
+        self.until(
+            f"location.href === {json.dumps(url)} && document.documentElement?.dataset.ready"
+        )
 
     def key(self, key: str, *, shift: bool = False, ctrl: bool = False) -> None:
         """Press and release a key."""

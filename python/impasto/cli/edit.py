@@ -105,7 +105,9 @@ def balls(
     stages = Stages(quiet=False)
     with stages.stage("balls") as stage:
         subject = BallOutlines(folder, circles, encoding)
-        stage.note = f"{sum(map(len, subject.circles))} in {len(subject.photographs.paths)} photographs"
+        stage.note = (
+            f"{sum(map(len, subject.circles))} in {len(subject.photographs.paths)} photographs"
+        )
     return _serve(subject, stages, port, no_browser)
 
 

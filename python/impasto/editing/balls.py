@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ Circle = tuple[float, float, float]
 
 USUAL = "circle_data.txt"
 """Name of the file in the folder of each ball, or in that of the photographs."""
+WITHIN = 1.5
+"""Pixels that a border may cut off: three standard deviations of an outline by hand."""
 START = 0.25
 """Radius of an outline that was not found, in shorter sides of the photograph."""
 
@@ -69,7 +72,8 @@ class BallOutlines:
                 raise ArgumentError(f"path: photographs in {home} have different sizes")
             self._rows.append(int(self._of_set(number)[0]["rows"]))
         self.circles = [
-            self._read(number) if file.path.exists() else [] for number, file in enumerate(self.files)
+            self._read(number) if file.path.exists() else []
+            for number, file in enumerate(self.files)
         ]
         if not all(self.circles):
             found = self._found(folder)
@@ -104,9 +108,10 @@ class BallOutlines:
 
     def save(self, content: dict[str, Any]) -> str:
         """Write the circles of each set: ``{"sets": [[[x, y, radius], ...], ...]}``."""
-        sets = [self._checked(own) for own in _list(content.get("sets"), "sets")]
-        if len(sets) != len(self.files):
+        given = _list(content.get("sets"), "sets")
+        if len(given) != len(self.files):
             raise ArgumentError(f"sets: expected {len(self.files)} lists of circles")
+        sets = [self._checked(own, number) for number, own in enumerate(given)]
         for number, circles in enumerate(sets):
             if self._alone and len(circles) != 1:
                 raise ArgumentError(
@@ -114,7 +119,7 @@ class BallOutlines:
                     f"{len(circles)} circles"
                 )
         for file, circles, rows in zip(self.files, sets, self._rows, strict=True):
-            file.write(circles_text(circles, rows), lambda path, rows=rows: read_circles(path, rows))
+            file.write(circles_text(circles, rows), partial(read_circles, rows=rows))
         self.circles = sets
         count = len(self.files)
         files = "" if count == 1 else f" in {count} folders"
@@ -157,7 +162,9 @@ class BallOutlines:
         columns, rows = one["columns"], one["rows"]
         return ((columns - 1) / 2, (rows - 1) / 2, START * min(rows, columns))
 
-    def _checked(self, circles: Any) -> list[Circle]:
+    def _checked(self, circles: Any, number: int) -> list[Circle]:
+        one = self._of_set(number)[0]
+        columns, rows = one["columns"], one["rows"]
         found = []
         for circle in _list(circles, "circles"):
             try:
@@ -168,6 +175,12 @@ class BallOutlines:
                 ) from None
             if not np.isfinite((x, y, radius)).all() or radius <= 0.0:
                 raise ArgumentError(f"circles: expected a radius above 0, found {radius:g}")
+            least = radius - 0.5 - WITHIN
+            if not (least <= x <= columns - 1 - least and least <= y <= rows - 1 - least):
+                raise ArgumentError(
+                    f"circles: the ball at column {x:.4g} and row {y:.4g} with a radius of "
+                    f"{radius:.4g} does not lie within {columns} x {rows} pixels"
+                )
             found.append((x, y, radius))
         return found
 

@@ -107,7 +107,10 @@ class Marks:
 
     def save(self, content: dict[str, Any]) -> str:
         """Write ``content``, which is that of the file."""
-        text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+        try:
+            text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+        except (ValueError, RecursionError) as error:  # 1e999, or brackets in brackets
+            raise ArgumentError(f"points: cannot be written as JSON ({error})") from error
         self.file.write(text, self._checked)
         self.layout = read_points(self.file.path)
         self.points = _copied(self.layout.points)
@@ -120,17 +123,18 @@ class Marks:
 
     def _checked(self, path: Path) -> None:
         layout = read_points(path)
-        sizes = {
-            one["name"]: (one["columns"], one["rows"]) for one in self.photographs.described()
-        }
+        sizes = {one["name"]: (one["columns"], one["rows"]) for one in self.photographs.described()}
         for photograph, own in layout.points.items():
             if photograph != "default" and photograph not in sizes:
                 raise CorruptInputError(
-                    path, f"photographs: {photograph!r} is not in {self.photographs.paths[0].parent}"
+                    path,
+                    f"photographs: {photograph!r} is not in {self.photographs.paths[0].parent}",
                 )
             within = [sizes[photograph]] if photograph in sizes else list(sizes.values())
             for name, (x, y) in own.items():
-                if not any(-0.5 < x < wide - 0.5 and -0.5 < y < high - 0.5 for wide, high in within):
+                if not any(
+                    -0.5 < x < wide - 0.5 and -0.5 < y < high - 0.5 for wide, high in within
+                ):
                     raise CorruptInputError(
                         path, f"photographs: {photograph}: {name} at ({x:g}, {y:g}) lies outside"
                     )
@@ -158,7 +162,9 @@ class Marks:
         behind: list[str] = []
         for number, path in enumerate(self.photographs.paths):
             try:
-                marks = find_marks(self.photographs.light(number), self.layout, path.name, partial=True)
+                marks = find_marks(
+                    self.photographs.light(number), self.layout, path.name, partial=True
+                )
             except ArgumentError as error:
                 self.notes[path.name] = str(error)
                 behind.append(path.name)

@@ -138,7 +138,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True
         path = self._own_path()
         if path is None:
-            return
+            return None
         if path != "save":
             return self._refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
         if self.headers.get("Origin") not in {f"http://{host}" for host in self._hosts()}:
@@ -153,7 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a save may have {LARGEST} bytes at most"
             )
         try:
-            content = json.loads(self.rfile.read(int(length)))
+            content = json.loads(self.rfile.read(int(length)), parse_constant=_no_number)
             if not isinstance(content, dict):
                 raise ValueError("expected an object at the top")
         except DAMAGE as error:  # brackets may be nested too deep, and numbers too long
@@ -226,3 +226,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Nothing: the terminal shows what is saved, not each picture."""
+
+
+def _no_number(name: str) -> None:
+    """NaN and Infinity are no JSON, though Python's reader takes them."""
+    raise ValueError(f"{name} is not a number")

@@ -119,7 +119,13 @@ function fit() {
   draw();
 }
 
-function zoom(factor, x = view.clientWidth / 2, y = view.clientHeight / 2) {
+/** About a place of the screen; else about the chosen mark, or the middle where that is out of sight. */
+function zoom(factor, x, y) {
+  if (x === undefined) {
+    const w = view.clientWidth, h = view.clientHeight, chosen = subject.place();
+    [x, y] = chosen ? screen(chosen) : [-1, -1];
+    if (x < 0 || y < 0 || x > w || y > h) [x, y] = [w / 2, h / 2];
+  }
   const [px, py] = place(x, y);
   at.scale = Math.max(0.01, Math.min(80, at.scale * factor));
   at.x = px - x / at.scale;
@@ -182,8 +188,8 @@ function draw() {
 
 /** A cross with an open middle, dark below and bright above, so that any ground shows it. */
 function cross(context, [x, y], chosen, colour, fine) {
-  const inner = fine ? 3 : 4, outer = fine ? 400 : chosen ? 15 : 10;
-  for (const [stroke, width] of [["rgba(0,0,0,.75)", chosen ? 4 : 3], [colour, chosen ? 2 : 1.3]]) {
+  const inner = 3, outer = fine ? 400 : chosen ? 16 : 12;
+  for (const [stroke, width] of [["rgba(0,0,0,.8)", chosen ? 4.5 : 3.6], [colour, chosen ? 2.2 : 1.7]]) {
     context.strokeStyle = stroke;
     context.lineWidth = fine ? width / 2 : width;
     context.beginPath();
@@ -369,6 +375,7 @@ function keys(pairs) {
 
 const note = (text) => element("p", { className: "note", textContent: text });
 const fixed = (number, digits = 2) => number.toFixed(digits).replace("-", "−");
+const brief = (name) => name.replace(/^(marker \d+, .*) corner$/, "$1");
 const rounded = (number) => Math.round(1000 * number) / 1000;
 const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
@@ -432,7 +439,7 @@ function marksSubject() {
         cross(context, screen(point, from), one === name, one === name ? CHOSEN : OTHER, fine);
       }
       const few = Object.keys(own).length <= 8;
-      if (!fine) for (const [one, point] of Object.entries(own)) if (few || one === name) label(context, one, screen(point, from));
+      if (!fine) for (const [one, point] of Object.entries(own)) if (few || one === name) label(context, brief(one), screen(point, from));
     },
     panel: () => {
       const names = self.names(), name = names[chosen], point = self.place();
@@ -444,7 +451,7 @@ function marksSubject() {
         ["row", point[1].toFixed(2), 0.1, (y) => change("row", () => self.move(name, [self.place()[0], y]))],
       ] : []);
       const own = self.own();
-      list(byId("list"), "Marks", names.map((one) => [one, own[one] ? `${fixed(own[one][0], 1)}, ${fixed(own[one][1], 1)}` : "not here"]),
+      list(byId("list"), "Marks", names.map((one) => [brief(one), own[one] ? `${fixed(own[one][0], 1)}, ${fixed(own[one][1], 1)}` : "not here"]),
         chosen, (n) => { chosen = n; reveal(); refresh(); });
       self.tools(name, point);
       if (point) tell(`${name}: column ${fixed(point[0])}, row ${fixed(point[1])}`);
@@ -599,8 +606,8 @@ function ballsSubject() {
           ball = self.own().length - 1;
         });
         const remove = () => change("remove", () => { self.own().splice(ball, 1); self.shown(); });
-        return [...made, element("div", { className: "row" }, button("Add a ball", add),
-          button("Remove the chosen one", remove, { disabled: self.own().length < 2 }))];
+        return [...made, element("div", { className: "row" }, button("Add", add),
+          button("Remove", remove, { disabled: self.own().length < 2 }))];
       });
       tell(`${byId("name").textContent}: middle ${fixed(x)}, ${fixed(y)}, radius ${fixed(r)}`);
     },
