@@ -58,17 +58,8 @@ class Chromium:
         os.close(from_browser)
         self._number, self._left = 0, b""
         self._session: str | None = None
-        pages = self.call("Target.getTargets")["targetInfos"]
-        target = next(page["targetId"] for page in pages if page["type"] == "page")
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
-            "sessionId"
-        ]
-        theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.call("Emulation.setEmulatedMedia", features=[theme])
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=size[0], height=size[1], deviceScaleFactor=1, mobile=False,
-        )  # fmt: skip
+        self._theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self._size = size
 
     def __enter__(self) -> Chromium:
         return self
@@ -126,6 +117,17 @@ class Chromium:
 
     def open(self, url: str) -> None:
         """Load a page, until it says that it is ready."""
+        # In a new tab: an older one may ask whether to leave what was not saved.
+        self._session = None
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
+        self.call("Emulation.setEmulatedMedia", features=[self._theme])
+        width, height = self._size
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width, height=height, deviceScaleFactor=1, mobile=False,
+        )  # fmt: skip
         self.call("Page.navigate", url=url)
         self.until(
             f"location.href === {json.dumps(url)} && document.documentElement?.dataset.ready"

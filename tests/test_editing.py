@@ -484,7 +484,7 @@ def test_marks_are_moved_by_keys_and_by_the_mouse(browser: chromium.Chromium, fo
         browser.click("#tools input[type=checkbox]")
         browser.click("#undo")
         browser.click("#redo")
-        assert "lower right" in browser.until("document.getElementById('live').textContent")
+        browser.until("document.getElementById('live').textContent.startsWith('lower right: ')")
         browser.click("#save")
         browser.until("document.getElementById('said').textContent")
         assert browser.value("document.getElementById('said').textContent") == (
