@@ -20,7 +20,7 @@ from impasto.errors import CorruptInputError, GeometryError, ImpastoError, Inter
 ARGUMENTS = (
     "adaptation|again|ball|bands|camera|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
     "estimator|exposure|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
-    "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
+    "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|series|"
     "sensor_mm|shots|size|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
