@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import re
 import secrets
+import sys
 import threading
 from collections.abc import Callable
 from http import HTTPStatus
@@ -95,6 +96,11 @@ class EditServer(ThreadingHTTPServer):
     def url(self) -> str:
         """The address of the page."""
         return f"http://{LOOPBACK}:{self.server_port}/{self.token}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing where a browser went away in the middle of a request."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
     def run(self, ready: Callable[[str], None]) -> None:
         """Call ``ready`` with the address, and serve until Ctrl-C."""
@@ -181,6 +187,11 @@ class _Handler(BaseHTTPRequestHandler):
             words = error.strerror or str(error)
             where = "" if error.filename is None else f"{error.filename}: "
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, f"{where}{words}")
+        except Exception as error:  # the page says what the command line would
+            words = f"{type(error).__name__}: {error}"
+            self._refuse(
+                HTTPStatus.INTERNAL_SERVER_ERROR, f"a defect in impasto, please report it: {words}"
+            )
         else:
             self._send(HTTPStatus.OK, data, kind)
 
