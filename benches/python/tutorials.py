@@ -1,9 +1,9 @@
 """Makes the pictures of the tutorials: the figures that their own code writes, on one sheet each.
 
-    python benches/python/tutorials.py [rgb | six-band | lafortune ...] [--size 192]
+    python benches/python/tutorials.py [rgb | six-band | lafortune ...] [--size 128]
 
 Rehearses the session of each tutorial, runs the Python of its page there, and writes
-docs/_static/tutorial-NAME.jpg.
+docs/_static/tutorial-NAME.jpg. With --folder, sessions that lie there are taken as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -52,7 +51,7 @@ PANELS: dict[str, list[tuple[str, str, str]]] = {
         ("figure-20-kitchen", "In a kitchen", ""),
     ],
 }
-COLUMNS = {"rgb": 3, "six-band": 2, "lafortune": 4}
+COLUMNS = {"rgb": 3, "six-band": 2, "lafortune": 3}
 WIDTH = 400
 
 
@@ -66,43 +65,32 @@ def picture(path: Path) -> Picture:
     return np.ascontiguousarray(large[..., ::-1])
 
 
-def run_page(name: str) -> dict[str, Any]:
-    """Run the Python of a page here; returns its names."""
+def run_page(name: str) -> None:
+    """Run the Python of a page here."""
     text = (DOCS / f"tutorial-{name}.md").read_text(encoding="utf-8")
-    names: dict[str, Any] = {}
-    exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)
-    return names
-
-
-def lobe_panel(sbrdf: Any) -> Panel:
-    """The lobes of the middlemost pixel with the most of them."""
-    rows, columns = np.nonzero(sbrdf.lobes == sbrdf.lobes.max())
-    middle = np.array(sbrdf.shape) / 2.0
-    nearest = int(np.hypot(rows - middle[0], columns - middle[1]).argmin())
-    y, x = int(rows[nearest]), int(columns[nearest])
-    sbrdf.lobe_plot(y, x).savefig("lobes.png", dpi=110)
-    return Panel("Lobes of a pixel", picture(Path("lobes.png")), f"row {y}, column {x}")
+    exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), {})
 
 
 def sheet(name: str, size: int) -> Picture:
-    words = [sys.executable, "-m", "impasto", "rehearse", *REHEARSALS[name], "--quiet"]
-    subprocess.run([*words, "--size", str(size)], check=True)
-    names = run_page(name)
+    """The figures of a tutorial, from a session that lies here or is rehearsed here."""
+    if not Path(REHEARSALS[name][2]).is_dir():
+        words = [sys.executable, "-m", "impasto", "rehearse", *REHEARSALS[name], "--quiet"]
+        subprocess.run([*words, "--size", str(size)], check=True)
+    run_page(name)
     panels = [Panel(title, picture(Path(f"{one}.png")), note) for one, title, note in PANELS[name]]
-    if name == "lafortune":
-        panels.insert(0, lobe_panel(names["sbrdf"]))
     return contact_sheet(panels, columns=COLUMNS[name], width=WIDTH)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("names", nargs="*", default=list(REHEARSALS))
-    parser.add_argument("--size", type=int, default=192)
+    parser.add_argument("--size", type=int, default=128)
+    parser.add_argument("--folder", type=Path, help="where sessions lie that were rehearsed before")
     options = parser.parse_args()
     for name in options.names:
         with tempfile.TemporaryDirectory() as folder:
             before = Path.cwd()
-            os.chdir(folder)
+            os.chdir(folder if options.folder is None else options.folder)
             try:
                 made = sheet(name, options.size)
             finally:
