@@ -46,7 +46,8 @@ class Chromium:
         self._read, from_browser = os.pipe()
         words = [
             PROGRAM, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run",
-            "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update",
+            "--disable-dev-shm-usage", "--disable-background-networking",
+            "--disable-component-update",
             "--remote-debugging-pipe", f"--user-data-dir={folder}", "about:blank",
         ]  # fmt: skip
         self._process = subprocess.Popen(
