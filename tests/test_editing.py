@@ -344,7 +344,8 @@ def test_each_folder_of_a_ball_has_its_own_file(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         for lamp in range(3):
             cv2.imwrite(str(tmp_path / name / f"{lamp}.png"), discs(140, 120, BALLS[:1], lamp))
-    (tmp_path / "ball2" / "circle_data.txt").write_text("60 50 30\n")
+    # As in the published data: each number on its own line.
+    (tmp_path / "ball2" / "circle_data.txt").write_text("60\n50\n30\n\n")
     subject = BallOutlines(tmp_path)
     assert subject.circles[1] == [(59.0, 70.0, 30.0)]
     assert np.abs(np.array(subject.circles[0]) - BALLS[:1]).max() < 0.3

@@ -1,4 +1,4 @@
-"""Outlines of mirror balls that somebody measured: x, y and radius, one ball a line.
+"""Outlines of mirror balls that somebody measured: x, y and radius of each.
 
 The file of Xiong's data set [@xiong2014psbox] (``circle_data.txt``): pixels counted from 1, y up
 from the lower border of the photograph.
@@ -25,28 +25,26 @@ def read_circles(path: Path, rows: int) -> list[Outline]:
     Raises
     ------
     ArgumentError
-        Not found; a radius that is not above 0.
+        Not found.
     CorruptInputError
-        A line without three numbers, or no line.
+        Anything but three numbers for each ball, on one line or on several; a radius that is not
+        above 0.
     """
     if not path.is_file():
         raise ArgumentError(f"circles: {path} does not exist")
+    try:
+        numbers = [float(word) for word in read_text(path).split()]
+    except ValueError:
+        numbers = []
+    if not numbers or len(numbers) % 3:
+        raise CorruptInputError(path, "expected three numbers for each ball: x, y and radius")
     found = []
-    for number, line in enumerate(read_text(path).splitlines(), 1):
-        if not (words := line.split()):
-            continue
-        try:
-            x, y, radius = (float(word) for word in words)
-        except ValueError:
-            raise CorruptInputError(
-                path, f"line {number}: expected three numbers: x, y and radius"
-            ) from None
+    for ball in range(0, len(numbers), 3):
+        x, y, radius = numbers[ball : ball + 3]
         try:
             found.append(given_outline(x - 1.0, rows - y, radius, SIGMA))
         except ArgumentError as error:
-            raise CorruptInputError(path, f"line {number}: {error}") from error
-    if not found:
-        raise CorruptInputError(path, "expected three numbers: x, y and radius")
+            raise CorruptInputError(path, f"ball {ball // 3 + 1}: {error}") from error
     return found
 
 
