@@ -151,7 +151,8 @@ def test_boxes_take_the_place_of_the_search(near: Path, tmp_path: Path) -> None:
         ("--out a.csv", 1, "--out: expected a name ending in .lp or .dome"),
         ("--out a.lp --focal 50", 2, "--focal and --sensor belong together"),
         ("--out a.lp --ball 0 0 999 9", 1, "ball: expected TOP LEFT HEIGHT WIDTH within"),
-        ("--out a.lp --circles x.txt", 1, "circles: they belong to folders of balls"),
+        ("--out a.lp --circles x.txt", 1, "x.txt does not exist"),
+        ("--out a.lp --circles x.txt --ball 0 0 9 9", 1, "--circles: they say where the balls are"),
         ("--out a.dome --diameter 0", 1, "--diameter: expected the diameter of the balls in mm"),
     ],
 )

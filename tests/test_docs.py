@@ -18,7 +18,12 @@ import impasto
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 MARKDOWN = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-PAGES = [page for page in MARKDOWN if "```python" in page.read_text(encoding="utf-8")]
+PAGES = [
+    page
+    for page in MARKDOWN
+    # tests/test_rehearsal.py runs the tutorials, on the sessions that it rehearses.
+    if "```python" in page.read_text(encoding="utf-8") and not page.stem.startswith("tutorial-")
+]
 REFERENCE = "\n".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("api*.md")))
 MODULES = re.findall(r"automodule:: ([\w.]+)", REFERENCE)
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+from sybil import Sybil
+from sybil.parsers.markdown import PythonCodeBlockParser
 
 from impasto._internal.peak import peak_bytes
 from impasto.cli import main
+from impasto.cli.photographs import write_photographs
 from impasto.errors import ArgumentError
+from impasto.io import read_session, write_session
 from impasto.rehearsal.course import Step, carried_out, moving_steps, steps
 from impasto.rehearsal.moving_views import CARD_AT, CARD_SIDES, FLATTEST, steep_pairs
 from impasto.rehearsal.moving_views import LATTICE as LENS_LATTICE
@@ -23,9 +28,10 @@ from impasto.rehearsal.photographs import BALL, LATTICE, MARKER, Session
 from impasto.rehearsal.relief import Relief
 from impasto.rehearsal.studio import Lamp, MirrorBall, Studio, StudioCamera
 from impasto.rehearsal.things import picture, uniform
-from impasto.simulate import rig
+from impasto.simulate import default_capture, rig
 from oracles import flat_scene, mirror_ball, relief_scene
 
+DOCS = Path(__file__).parents[1] / "docs"
 SIZE, FOCAL, FAR = (60, 80), 300.0, 600.0
 DISTORTION = (-0.2, 0.05, 0.001, -0.002)
 
@@ -88,11 +94,42 @@ def test_a_picture_lies_about_the_middle() -> None:
     assert np.isnan(seen(np.array([[1.01]]), np.array([[0.0]]))).all()
 
 
-@pytest.mark.slow
-def test_a_session_is_rehearsed_from_raw_photographs_to_the_picture(tmp_path: Path) -> None:
-    """The smallest: its markers are 26 pixels wide and its balls 45, the errors as much larger."""
-    out = tmp_path / "rehearsal"
+def run_page(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every Python block of a page, in a folder."""
+    monkeypatch.chdir(folder)
+    for example in Sybil(parsers=[PythonCodeBlockParser()]).parse(DOCS / name).examples():
+        example.evaluate()
+
+
+def pictures_of(name: str) -> list[str]:
+    """The figures in the folder of a tutorial, and its page says nothing of others."""
+    page = (DOCS / name).read_text(encoding="utf-8")
+    written = sorted(path.name for path in Path().glob("figure-*.png"))
+    assert set(re.findall(r"`(figure-[\w-]+\.png)`", page)) <= set(written)
+    return written
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The smallest session of a camera that stands."""
+    out = tmp_path_factory.mktemp("standing") / "rehearsal"
     assert main(["rehearse", "--out", str(out), "--size", "96", "--quiet"]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The smallest session of a moving camera that works: 16 pairs, a painting of 96 pixels."""
+    out = tmp_path_factory.mktemp("moving") / "rehearsal-snel"
+    words = ["rehearse", "snel-lafortune", "--out", str(out), "--size", "96", "--views", "16"]
+    assert main([*words, "--quiet"]) == 0
+    return out
+
+
+@pytest.mark.slow
+def test_a_session_is_rehearsed_from_raw_photographs_to_the_picture(standing: Path) -> None:
+    """Its markers are 26 pixels wide and its balls 45, the errors as much larger."""
+    out = standing
     found = json.loads((out / "rehearsal.json").read_text())
     errors = found["errors"]
     # Balls of 23 pixels' radius: half a pixel of a highlight is 2 / 23 radians times a half.
@@ -103,6 +140,18 @@ def test_a_session_is_rehearsed_from_raw_photographs_to_the_picture(tmp_path: Pa
     assert all(one["peak_mib"] > 20.0 for one in found["commands"])
     assert cv2.imread(str(out / "rehearsal.png")).std() > 20.0
     assert cv2.imread(str(out / "relit.png")).shape == (96, 96, 3)
+
+
+@pytest.mark.slow
+def test_the_tutorial_of_the_rgb_camera_runs(
+    standing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_page("tutorial-rgb.md", standing.parent, monkeypatch)
+    assert pictures_of("tutorial-rgb.md") == [f"figure-{n}.png" for n in (10, 11, 12, 13, 8, 9)]
+    found, true = (cv2.imread(f"figure-{n}.png").astype(float) for n in (12, 13))
+    # The session above is allowed 5 CIEDE2000 in a light that the paper does not choose; its
+    # procedure has half as much again (docs/systems.md). Of 100 in lightness these are 8 %.
+    assert np.abs(found - true)[4:-4, 4:-4].mean() < 0.08 * 255.0
 
 
 def test_rays_meet_the_relief_where_newtons_method_does() -> None:
@@ -164,11 +213,8 @@ def test_pairs_that_are_too_flat_are_left_out() -> None:
 
 
 @pytest.mark.slow
-def test_a_session_with_moving_views_is_rehearsed(tmp_path: Path) -> None:
-    """The smallest that works: 16 pairs, a painting of 96 pixels."""
-    out = tmp_path / "rehearsal"
-    words = ["rehearse", "snel-lafortune", "--out", str(out), "--size", "96", "--views", "16"]
-    assert main([*words, "--quiet"]) == 0
+def test_a_session_with_moving_views_is_rehearsed(moving: Path) -> None:
+    out = moving
     found = json.loads((out / "rehearsal.json").read_text())
     errors = found["errors"]
     assert (found["views"], found["left_out"], len(found["commands"])) == (16, 154, 6)
@@ -183,6 +229,44 @@ def test_a_session_with_moving_views_is_rehearsed(tmp_path: Path) -> None:
     assert errors["other_delta_e_mean"] < 6.0
     assert errors["lobes_gloss"] > errors["lobes_matte"]
     assert cv2.imread(str(out / "rehearsal.png")).std() > 20.0
+
+
+@pytest.mark.slow
+def test_the_tutorial_of_lobes_runs(moving: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_page("tutorial-lafortune.md", moving.parent, monkeypatch)
+    rooms = ("church", "kitchen", "outside")
+    assert pictures_of("tutorial-lafortune.md") == [f"figure-20-{room}.png" for room in rooms]
+    church, kitchen, outside = (cv2.imread(f"figure-20-{room}.png").astype(float) for room in rooms)
+    assert church.shape == kitchen.shape == outside.shape == (96, 96, 3)
+    # Blue light of the sky against the lamp of a kitchen.
+    assert outside[..., 0].mean() / outside[..., 2].mean() > (
+        1.2 * kitchen[..., 0].mean() / kitchen[..., 2].mean()
+    )
+
+
+@pytest.mark.slow
+def test_the_tutorial_of_six_bands_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On photographs that need no alignment: a third rehearsal would take half a minute."""
+    painting = tmp_path / "rehearsal-six" / "painting"
+    painting.parent.mkdir()
+    capture = default_capture("tominaga-six-band-adaptation", size=(48, 48))
+    write_photographs(painting, capture)
+    (painting / "camera.csv").rename(painting.parent / "camera.csv")
+    assert main(["session", "init", str(painting)]) == 0
+    session = replace(read_session(painting / "session.toml"), dark=1024.0, saturation=65520.0)
+    (painting / "session.toml").unlink()
+    write_session(painting / "session.toml", session)
+    run_page("tutorial-six-band.md", tmp_path, monkeypatch)
+    figures = pictures_of("tutorial-six-band.md")
+    assert {f"figure-{n}-{view}.png" for n in (8, 9) for view in ("front", "slanted")} <= {*figures}
+
+
+def test_every_tutorial_is_run_here() -> None:
+    """tests/test_docs.py leaves them to this file."""
+    own = Path(__file__).read_text(encoding="utf-8")
+    pages = sorted(page.name for page in DOCS.glob("tutorial-*.md"))
+    assert len(pages) == 3
+    assert [page for page in pages if f'run_page("{page}"' not in own] == []
 
 
 def test_the_page_has_the_commands_of_moving_views() -> None:

@@ -19,6 +19,8 @@ from impasto.calibrate.lights import (
     lights_from_balls,
 )
 from impasto.calibrate.linearity import ToneCurve, tone_from_exposures, tone_from_patches
+from impasto.calibrate.monochromator import MonochromatorCamera, camera_from_monochromator
+from impasto.calibrate.monochromator_picture import monochromator_picture
 from impasto.calibrate.outline import Outline, given_outline
 from impasto.calibrate.painting_frame import PaintingFrame
 from impasto.calibrate.photon_transfer import PhotonTransfer, photon_transfer
@@ -40,6 +42,7 @@ __all__ = [
     "LampPositions",
     "Lens",
     "LensCalibration",
+    "MonochromatorCamera",
     "Outline",
     "PaintingFrame",
     "PhotonTransfer",
@@ -51,6 +54,7 @@ __all__ = [
     "board_picture",
     "board_strengths",
     "camera_from_chart",
+    "camera_from_monochromator",
     "chart_picture",
     "given_outline",
     "lamp_positions",
@@ -59,6 +63,7 @@ __all__ = [
     "lights_from_balls",
     "linear_photograph",
     "luma",
+    "monochromator_picture",
     "photon_transfer",
     "read_balls",
     "read_chart",

@@ -8,6 +8,7 @@ different lamps.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from impasto.calibrate.geometry import Array, BallCamera
 from impasto.calibrate.highlight import find_highlight, luma
 from impasto.calibrate.lights import BallPhotographs
-from impasto.calibrate.outline import strongest_circle
+from impasto.calibrate.outline import Outline, strongest_circle
 from impasto.errors import ArgumentError
 from impasto.io.images import open_picture
 
@@ -39,7 +40,10 @@ MOVES = 0.1
 
 
 def balls_beside(
-    photographs: Sequence[Path], references: Sequence[Path], boxes: Sequence[Box] | None
+    photographs: Sequence[Path],
+    references: Sequence[Path],
+    boxes: Sequence[Box] | None,
+    outlines: Sequence[Outline] | None = None,
 ) -> tuple[tuple[BallPhotographs, ...], tuple[int, int]]:
     """The balls in photographs of a painting.
 
@@ -51,6 +55,8 @@ def balls_beside(
         Others from the same place, in which the edges of the balls are seen.
     boxes
         Top, left, height and width around each ball; None: the balls are found.
+    outlines
+        Of the balls in whole photographs, in place of boxes; None: they are found.
 
     Returns
     -------
@@ -60,10 +66,15 @@ def balls_beside(
     Raises
     ------
     ArgumentError
-        No ball found, a box that does not lie within the photographs, photographs of other sizes.
+        No ball found, a box or an outline that does not lie within the photographs, photographs of
+        other sizes.
     """
-    size = _size(photographs[0])
-    if boxes is None:
+    size = size_of(photographs[0])
+    if outlines is not None:
+        for outline in outlines:
+            _check_within(outline, size)
+        boxes = [_box(outline.numbers, size) for outline in outlines]
+    elif boxes is None:
         boxes = _found(photographs, size)
     for top, left, height, width in boxes:
         inside = top >= 0 and top + height <= size[0] and left >= 0 and left + width <= size[1]
@@ -95,10 +106,25 @@ def balls_beside(
         )
         for number, (crop, box) in enumerate(zip(crops, boxes, strict=True), 1)
     )
+    if outlines is not None:
+        balls = tuple(
+            replace(ball, outline=replace(one, x=one.x - left, y=one.y - top))
+            for ball, one, (top, left, *_) in zip(balls, outlines, boxes, strict=True)
+        )
     return balls, size
 
 
-def _size(path: Path) -> tuple[int, int]:
+def _check_within(outline: Outline, size: tuple[int, int]) -> None:
+    x, y, radius = outline.x, outline.y, outline.radius
+    if not (radius - 1.0 <= x <= size[1] - radius and radius - 1.0 <= y <= size[0] - radius):
+        raise ArgumentError(
+            f"circles: the ball at column {x:.0f} and row {y:.0f} with a radius of {radius:.0f} "
+            f"does not lie within photographs of {size[0]} rows and {size[1]} columns"
+        )
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Rows and columns of a photograph."""
     with open_picture(path) as picture:
         _, rows, columns = picture.shape
     return rows, columns

@@ -9,18 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from impasto.calibrate.beside import Box, balls_beside
+from impasto.calibrate.beside import Box, balls_beside, size_of
+from impasto.calibrate.circles import read_circles
 from impasto.calibrate.highlight import luma
 from impasto.calibrate.lights import BallPhotographs
-from impasto.calibrate.outline import Outline, given_outline
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import read_text
 from impasto.io.images import list_images, read_image
 
 _BALL = re.compile(r"ball|probe|sphere|chrome", re.I)
 _REFERENCE = re.compile(r"^ref", re.I)
-GIVEN_SIGMA = 0.5
-"""Pixels: standard deviation of an outline that was measured by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +67,9 @@ def read_balls(
         The folder of these folders.
     circles
         Name of a text file in the folder of each ball: x, y and radius of its outline in pixels,
-        counted from 1, y up from the lower border (``circle_data.txt`` of that data set). Default:
-        outlines are found.
+        counted from 1, y up from the lower border (``circle_data.txt`` of that data set). Where
+        balls lie beside the object, a file in the folder of the photographs, one ball a line.
+        Default: outlines are found.
     boxes
         Top, left, height and width in pixels around each ball in the photographs of a folder.
         Default: balls are found.
@@ -88,10 +87,13 @@ def read_balls(
     others = [path for path in inner if path not in homes and list_images(path)]
     photographs = [path for path in list_images(folder) if not _REFERENCE.match(path.name)]
     if photographs and not homes:
+        outlines = None
         if circles is not None:
-            raise ArgumentError("circles: they belong to folders of balls; give boxes (--ball)")
+            if boxes is not None:
+                raise ArgumentError("circles: they say where the balls are; leave --ball out")
+            outlines = read_circles(folder / circles, size_of(photographs[0])[0])
         references = [path for path in list_images(folder) if _REFERENCE.match(path.name)]
-        found, frame = balls_beside(photographs, references, boxes)
+        found, frame = balls_beside(photographs, references, boxes, outlines)
         return BallFolder(found, folder, tuple(path.name for path in photographs), frame)
     if boxes is not None:
         raise ArgumentError(
@@ -152,22 +154,18 @@ def _ball(home: Path, circles: str | None, corners: object) -> BallPhotographs:
             )
         pictures.append(picture)
     whole = np.array(pictures)
-    outline = None if circles is None else _circle(home / circles, whole.shape[1])
+    outline = None
+    if circles is not None:
+        given = read_circles(home / circles, whole.shape[1])
+        if len(given) > 1:
+            raise CorruptInputError(
+                home / circles, f"has {len(given)} outlines; a folder of a ball shows one"
+            )
+        outline = given[0]
     return BallPhotographs(
         whole[: len(lamps)], home.name, None, whole[len(lamps) :], outline, full,
         tuple(path.name for path in lamps),
     )  # fmt: skip
-
-
-def _circle(path: Path, height: int) -> Outline:
-    words = read_text(path).split() if path.is_file() else None
-    if words is None:
-        raise ArgumentError(f"circles: {path} does not exist")
-    try:
-        x, y, radius = (float(word) for word in words)
-    except ValueError:
-        raise CorruptInputError(path, "expected three numbers: x, y and radius") from None
-    return given_outline(x - 1.0, height - y, radius, GIVEN_SIGMA)
 
 
 def _corners(folder: Path, count: int) -> list[tuple[float, float]] | None:

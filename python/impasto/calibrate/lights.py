@@ -179,7 +179,7 @@ def lights_from_balls(
     outlines, highlights = [], []
     for ball in balls:
         own = _camera_of(ball, camera)
-        outline = _outline_of(ball, own)
+        outline = outline_of(ball, own)
         outlines.append(outline)
         still = ball.pictures.min(axis=0) if len(ball.pictures) > 3 else None
         highlights.append(
@@ -304,7 +304,7 @@ def _camera_of(ball: BallPhotographs, camera: BallCamera) -> BallCamera:
     return BallCamera(camera.focal_px, (camera.centre[0] - x, camera.centre[1] - y))
 
 
-def _outline_of(ball: BallPhotographs, camera: BallCamera) -> Outline:
+def outline_of(ball: BallPhotographs, camera: BallCamera) -> Outline:
     """The given outline, or that of the picture in which most of it is seen."""
     for lamp, picture in enumerate(ball.pictures):
         if not np.isfinite(picture).all():

@@ -13,7 +13,7 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, capture, console, job, session
+from impasto.cli import calibrate, capture, console, edit, job, session
 from impasto.cli.codes import Exit
 from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
@@ -21,8 +21,8 @@ from impasto.errors import CorruptInputError, GeometryError, ImpastoError, Inter
 ARGUMENTS = (
     "adaptation|again|ball|bands|camera|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
     "estimator|exposure|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
-    "out|patches|pattern|pitch_mm|points|precision|references|reflectance|region|repeats|sample|saturation|seed|"
-    "sensor_mm|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
+    "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
+    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 
@@ -50,6 +50,7 @@ def application() -> App:
     app.command(calibrate.application())
     app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
+    app.command(edit.application())
     app.command("impasto.cli.rehearse:rehearse", help="Rehearse a session on a simulation.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())

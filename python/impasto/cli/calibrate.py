@@ -30,6 +30,7 @@ def application() -> App:
     )
     app.command("impasto.cli.calibrate:lights")
     app.command("impasto.cli.calibrate:camera")
+    app.command("impasto.cli.calibrate_light:monochromator")
     app.command("impasto.cli.calibrate:lens")
     app.command("impasto.cli.calibrate_light:board")
     app.command("impasto.cli.calibrate_light:linearity")

@@ -1,9 +1,9 @@
-"""``impasto calibrate board`` and ``linearity``: lamps, noise and tone curve of a camera."""
+"""``impasto calibrate board``, ``linearity`` and ``monochromator``: lamps, noise, curve, bands."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from cyclopts import Parameter
 from rich.markup import escape
@@ -171,3 +171,90 @@ def linearity(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, tone_picture(found))
     found.save(out)
+
+
+def monochromator(
+    folder: Annotated[Path, Parameter(name=["FOLDER"])],
+    /,
+    *,
+    series: Path,
+    out: Path,
+    illuminant: str | None = None,
+    dark: str | None = None,
+    region: Annotated[
+        tuple[int, int, int, int] | None, Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative="")
+    ] = None,
+    slit: Literal["triangle", "gaussian"] = "triangle",
+    no_correction: Annotated[Flag, Parameter(negative="")] = False,
+    encoding: str | None = None,
+    saturation: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Make a camera from photographs under narrow-band light of known power.
+
+    FOLDER holds photographs of a white patch in the light of a monochromator, or of its exit slit.
+    The camera file holds the sensitivities of the bands with their standard deviations: impasto fit
+    --camera.
+
+    Parameters
+    ----------
+    series
+        CSV file with the columns photograph, wavelength and bandwidth (nm, full width at half
+        maximum) and power (radiant, any unit); optional power_sigma and seconds (exposure time).
+    out
+        The camera file to write, a new .csv; a picture of the same name, .png, lies beside it, or
+        in a folder named calibration where there are photographs beside it.
+    illuminant
+        The light of the painting's photographs: D50, A, FL2 or kelvin, as in 5000K. Without it, the
+        fit needs --illuminant.
+    dark
+        A dark frame, a folder of dark frames, or the black level in codes.
+    region
+        The area that is read, in pixels. Default: the lit area is found.
+    slit
+        Shape of the bandpass: triangle (entrance and exit slit alike) or gaussian.
+    no_correction
+        Do not correct for the bandwidth.
+    encoding
+        linear, srgb or a gamma. Default: 8-bit files by their profile, else sRGB; others linear.
+    saturation
+        Code from which samples are clipped; default: the largest.
+    quiet
+        No progress, only errors.
+    """
+    from impasto.calibrate import camera_from_monochromator, monochromator_picture
+    from impasto.colour import spectrum
+    from impasto.io import write_png8
+
+    shown = picture_of(out)
+    if out.suffix.lower() != ".csv":
+        raise ArgumentError(f"--out: expected a name ending in .csv, found {out.name}")
+    for one in (out, shown):
+        if one.exists():
+            raise ArgumentError(f"--out: {one} already exists; choose another name")
+    if illuminant is not None:
+        spectrum(illuminant, (540.0, 560.0))
+    stages = Stages(quiet=quiet)
+    with stages.stage("camera") as stage:
+        found = camera_from_monochromator(
+            folder, series,
+            dark=dark_of(dark), region=region, slit=slit, correct=not no_correction,
+            encoding=encoding, saturation=saturation,
+        )  # fmt: skip
+        low, high = found.wavelengths[[0, -1]]
+        stage.note = f"{len(found.wavelengths)} wavelengths from {low:g} to {high:g} nm"
+    for number, name in enumerate(found.names):
+        peak = float(found.sensitivities[number].max())
+        worst = 100.0 * float(found.sigma[number].max()) / peak
+        (first, last), (share, sigma) = found.passed[number], found.leakage[number]
+        stages.say(
+            f"  {'':14}[dim]{escape(name)}: {first:g} to {last:g} nm, "
+            f"{100 * share:.2g} ± {100 * sigma:.1g} % outside; standard deviation up to "
+            f"{worst:.2g} % of the largest, correction for the bandwidth up to "
+            f"{100 * found.correction[number]:.2g} %[/]"
+        )
+    for finding in found.findings:
+        stages.say(f"[yellow]warning:[/] {escape(finding)}")
+    shown.parent.mkdir(parents=True, exist_ok=True)
+    write_png8(shown, monochromator_picture(found))
+    found.save(out, illuminant)

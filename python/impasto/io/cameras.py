@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impasto._internal.damage import damage_of
 from impasto._internal.regular import check_regular
@@ -18,6 +19,8 @@ from impasto.io.files import atomic_bytes
 
 LIGHT = "illuminant"
 """The column with the light of the photographs."""
+SIGMA = "sigma "
+"""Begins the name of a column with the standard deviations of a band."""
 
 
 def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Camera:
@@ -25,6 +28,7 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
 
     The first line names the columns: ``wavelength`` (nm), the bands in the order of the stack, and
     optionally ``illuminant``, the power of the light under which the photographs were taken.
+    ``sigma red`` is the standard deviation of a band ``red``: such columns are no bands.
 
     Parameters
     ----------
@@ -54,6 +58,9 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
     table = _table(source, rows[1:], len(names))
     columns = dict(zip(names[1:], table[1:], strict=True))
     light = columns.pop(LIGHT, None)
+    for name in [name for name in columns if name.removeprefix(SIGMA) in columns]:
+        if name.startswith(SIGMA):
+            del columns[name]
     if illuminant is None and light is None:
         raise ArgumentError(
             f"illuminant: {source} has no column {LIGHT!r}; give the light of the photographs "
@@ -69,16 +76,42 @@ def read_camera(path: str | os.PathLike[str], *, illuminant: Any = None) -> Came
         raise CorruptInputError(source, str(error)) from error
 
 
-def write_camera(path: str | os.PathLike[str], camera: Camera) -> None:
-    """Write a file for :func:`read_camera`, with the light at the wavelengths of the camera."""
+def write_camera(
+    path: str | os.PathLike[str],
+    camera: Camera,
+    *,
+    sigma: NDArray[np.float64] | None = None,
+    light: bool = True,
+) -> None:
+    """Write a file for :func:`read_camera`, with the light at the wavelengths of the camera.
+
+    Parameters
+    ----------
+    path
+        The file, replaced atomically.
+    camera
+        What is written.
+    sigma
+        ``(band, n)`` standard deviations of the sensitivities.
+    light
+        Whether the light is written; without it, who reads the file must know it.
+    """
     from impasto.colour import spectrum
 
-    light = camera.illuminant
-    power = light if isinstance(light, np.ndarray) else spectrum(light, camera.wavelengths)
+    own = camera.illuminant
+    columns = [camera.wavelengths, *camera.sensitivities]
+    names = ["wavelength", *camera.bands]
+    if sigma is not None:
+        columns += list(sigma)
+        names += [f"{SIGMA}{band}" for band in camera.bands]
+    if light:
+        power = own if isinstance(own, np.ndarray) else spectrum(own, camera.wavelengths)
+        columns.append(power)
+        names.append(LIGHT)
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
-    table.writerow(["wavelength", *camera.bands, LIGHT])
-    for row in zip(camera.wavelengths, *camera.sensitivities, power, strict=True):
+    table.writerow(names)
+    for row in zip(*columns, strict=True):
         table.writerow([f"{value:.10g}" for value in row])
     atomic_bytes(Path(path), out.getvalue().encode("utf-8"))
 

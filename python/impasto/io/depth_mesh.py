@@ -38,6 +38,11 @@ def write_depth(path: str | Path, mesh: DepthMesh) -> None:
     Rows of nodes follow each other from the top, nodes of a row from the left. A standard deviation
     that is not known is left empty. The file is replaced atomically.
     """
+    atomic_bytes(path, depth_text(mesh).encode("utf-8"))
+
+
+def depth_text(mesh: DepthMesh) -> str:
+    """What :func:`write_depth` writes."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -48,7 +53,7 @@ def write_depth(path: str | Path, mesh: DepthMesh) -> None:
             said = f"{sigma:.{DIGITS}f}" if np.isfinite(sigma) else ""
             height = f"{mesh.depth_mm[row, column]:.{DIGITS}f}"
             writer.writerow([f"{right:.{DIGITS}f}", f"{up:.{DIGITS}f}", height, said])
-    atomic_bytes(path, text.getvalue().encode("utf-8"))
+    return text.getvalue()
 
 
 def read_depth(path: str | Path) -> DepthMesh:
