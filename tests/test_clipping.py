@@ -87,11 +87,11 @@ def test_samples_that_nobody_knows_to_be_clipped_cost_a_third_of_beta(clipping: 
 
 @pytest.mark.parametrize("case", ["paints, white gloss", "blue paint, golden gloss"])
 def test_with_many_lamps_bounds_cost_nothing(clipping: Any, case: str) -> None:
-    """60 lamps show the shoulders of every highlight: bounds say no more, and must take nothing away.
+    """60 lamps show the shoulders of every highlight: bounds say no more and take nothing away.
 
     The search begins with clipped samples at their level, where beta is 40 % too small, and takes
-    two rounds. A hundredth of that is left at most; it was a sixth when bounds counted until a round
-    reached them.
+    two rounds. A hundredth of that is left at most; it was a sixth where bounds counted until a
+    round reached them.
     """
     made = clipping.scene(case, 0, 60, SIZE)
     found = {way: clipping.measured(made, way, "pixel") for way in ("left out", "censored")}
