@@ -27,14 +27,14 @@ pub(super) trait BandSamples<R, const K: usize> {
 }
 
 /// The samples of a band beside the columns of their photographs.
-pub(super) struct Band<'a, R, const K: usize> {
+pub(super) struct BandColumns<'a, R, const K: usize> {
     pub(super) samples: &'a TileSamples,
     pub(super) columns: &'a [[R; K]],
     pub(super) band: usize,
     pub(super) at: usize,
 }
 
-impl<R: Real<Scalar = f32>, const K: usize> BandSamples<R, K> for Band<'_, R, K> {
+impl<R: Real<Scalar = f32>, const K: usize> BandSamples<R, K> for BandColumns<'_, R, K> {
     fn photographs(&self) -> usize {
         self.columns.len()
     }

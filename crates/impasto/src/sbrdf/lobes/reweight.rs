@@ -7,7 +7,7 @@ use crate::math::elementary::{exp, ln};
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Vec3};
 
-use super::bounds::{self, Band, BandSamples, light_of, weight_at};
+use super::bounds::{self, BandColumns, BandSamples, light_of, weight_at};
 use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, MAX_SHAPES, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
@@ -121,7 +121,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             }
             let (mut light, mut used) = (zero, zero);
             for (band, (sums, colours)) in sums.iter_mut().zip(&mut colours).enumerate() {
-                let seen = Band { samples: &*samples, columns: &columns, band, at };
+                let seen = BandColumns { samples: &*samples, columns: &columns, band, at };
                 let (solution, counted) = bounds::solve(&seen, &barred, &mut bounded);
                 (*sums, *colours) = (counted, solution.values);
                 for photograph in 0..columns.len() {
@@ -171,31 +171,45 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             if renew {
                 let scale = sum / used.max(one);
                 let bend = I::F32::keep(scale.gt(zero), scale.recip());
-                weighted = zero;
-                for (plane, (&shown, &diffuse)) in shown.iter().zip(&diffuse).enumerate() {
-                    let (sample, weight) = samples.at::<I::F32>(plane, at);
-                    let bound = weight.lt(zero);
-                    let known = bound | weight.gt(zero);
-                    // A bound that is satisfied has no residual.
-                    let sample = I::F32::select(bound, sample.max(shown), sample);
-                    let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
-                    let fresh = I::F32::keep(known, fresh);
-                    let signed = I::F32::select(bound, -fresh, fresh);
-                    signed.store(&mut samples.weights[plane * TILE + at..]);
-                    let residual = sample - shown;
-                    weighted = (fresh * residual).mul_add(residual, weighted);
-                }
+                weighted = renewed(samples, (&shown, &diffuse), [unit, bend], at);
             } else {
                 for (plane, &shown) in shown.iter().enumerate() {
                     let (sample, weight) = samples.at::<I::F32>(plane, at);
-                    let settled = weight_at(weight, sample, shown);
-                    settled.store(&mut samples.weights[plane * TILE + at..]);
+                    let weight = weight_at(weight, sample, shown);
+                    weight.store(&mut samples.weights[plane * TILE + at..]);
                 }
             }
             (weighted / used.max(one)).store(&mut solution.variance[at..]);
             at += I::F32::WIDTH;
         }
     }
+}
+
+/// Renews the weights of some pixels by what the model shows and its diffuse part; returns the
+/// weighted sum of squared residuals.
+#[inline(always)]
+fn renewed<R: Real<Scalar = f32>>(
+    samples: &mut TileSamples,
+    (shown, diffuse): (&[R], &[R]),
+    [unit, bend]: [R; 2],
+    at: usize,
+) -> R {
+    let zero = R::zero();
+    let mut squares = zero;
+    for (plane, (&shown, &diffuse)) in shown.iter().zip(diffuse).enumerate() {
+        let (sample, weight) = samples.at::<R>(plane, at);
+        let bound = weight.lt(zero);
+        let known = bound | weight.gt(zero);
+        // A bound that is satisfied has no residual.
+        let sample = R::select(bound, sample.max(shown), sample);
+        let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
+        let fresh = R::keep(known, fresh);
+        let signed = R::select(bound, -fresh, fresh);
+        signed.store(&mut samples.weights[plane * TILE + at..]);
+        let residual = sample - shown;
+        squares = (fresh * residual).mul_add(residual, squares);
+    }
+    squares
 }
 
 /// Variance of a sample, both in units of the pixel's mean sample.

@@ -195,23 +195,23 @@ struct Records<'a, R: Real> {
     rows: Rows<'a, R>,
     bands: usize,
     band: usize,
-    records: &'a [R::Scalar],
+    numbers: &'a [R::Scalar],
     photographs: usize,
     /// Numbers of a photograph, and of each lobe among them; a value comes before its derivatives.
-    record: usize,
-    lobe: usize,
+    per_photograph: usize,
+    per_lobe: usize,
 }
 
 impl<R: Real> Records<'_, R> {
     #[inline(always)]
     fn number(&self, photograph: usize, number: usize) -> R {
-        R::load(&self.records[(photograph * self.record + number) * R::WIDTH..])
+        R::load(&self.numbers[(photograph * self.per_photograph + number) * R::WIDTH..])
     }
 
     /// Place of a column among the numbers of a photograph.
     #[inline(always)]
     fn place(&self, column: usize) -> usize {
-        if column == 0 { 0 } else { 3 + (column - 1) * self.lobe }
+        if column == 0 { 0 } else { 3 + (column - 1) * self.per_lobe }
     }
 }
 
@@ -286,10 +286,10 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
                 rows,
                 bands,
                 band,
-                records: &scratch,
+                numbers: &scratch,
                 photographs: self.photographs.len(),
-                record: Self::RECORD,
-                lobe: 3 + M::SHAPES,
+                per_photograph: Self::RECORD,
+                per_lobe: 3 + M::SHAPES,
             };
             let (colours, _) = bounds::solve(&seen, &self.barred, &mut bounded);
             let mut mixed = [[zero; K]; N];
