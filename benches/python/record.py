@@ -31,9 +31,12 @@ def run_info(command: str) -> dict[str, Any]:
     """What ran where. The commit is the last that changed what is measured, ``+``: and more."""
 
     def git(*arguments: str) -> str:
-        done = subprocess.run(
-            ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
-        )
+        try:
+            done = subprocess.run(
+                ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+            )
+        except FileNotFoundError:  # a machine for measurements may have no git
+            return ""
         return done.stdout.strip()
 
     measured = ("--", "crates", "python")
