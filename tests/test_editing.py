@@ -428,23 +428,31 @@ def test_mistakes_are_named(
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_ends_the_command(folder: Path) -> None:
     words = ["edit", "marks", "photographs", "--points", "p.json", "--size", "4x3", "--no-browser"]
+    code = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it\n"
+        "from impasto.cli import main\n"
+        f"raise SystemExit(main({words}))\n"
+    )
     with subprocess.Popen(
-        [sys.executable, "-m", "impasto", *words],
-        cwd=folder.parent, stderr=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
-        assert process.stderr is not None
-        url = ""
-        while "http://" not in url:
-            url = process.stderr.readline()
-            assert url, "the command ended before it printed an address"
-        host, token = url.strip().removeprefix("http://").strip("/").split("/")
-        connection = http.client.HTTPConnection(host, timeout=20)
-        connection.request("GET", f"/{token}/")
-        assert connection.getresponse().status == 200
-        connection.close()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
-        assert "Traceback" not in process.stderr.read()
+        [sys.executable, "-c", code], cwd=folder.parent, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stderr is not None
+            url = ""
+            while "http://" not in url:
+                url = process.stderr.readline()
+                assert url, "the command ended before it printed an address"
+            host, token = url.strip().removeprefix("http://").strip("/").split("/")
+            connection = http.client.HTTPConnection(host, timeout=20)
+            connection.request("GET", f"/{token}/")
+            assert connection.getresponse().status == 200
+            connection.close()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0
+            assert "Traceback" not in process.stderr.read()
+        finally:
+            process.kill()
 
 
 @pytest.fixture(scope="module")
