@@ -1,6 +1,6 @@
 """The session of the third paper, rehearsed: moving views, depth and Lafortune lobes.
 
-    python benches/python/rehearsal_snel.py [--size 128] [--views 72] [--record]
+    python benches/python/rehearsal_snel.py [--size 128] [--views 616] [--record]
 
 ``impasto rehearse snel-lafortune``: errors against the truth, and time and memory of its commands.
 ``--record`` writes benches/results/rehearsal_snel.json, and the sheet as a picture beside it.
@@ -46,7 +46,7 @@ def rehearsed(size: int, views: int | None, folder: Path) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--size", type=int, default=128)
-    parser.add_argument("--views", type=int, default=72)
+    parser.add_argument("--views", type=int, default=616)
     parser.add_argument("--record", action="store_true", help="write rehearsal_snel.json and .jpg")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
