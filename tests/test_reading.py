@@ -247,6 +247,19 @@ def test_the_icon_is_srgb_by_any_selection(data: Path) -> None:
         assert sure_tone(some.samples, some.rig.directions, white=255.0) is None
 
 
+def test_a_board_takes_out_strengths_whether_one_per_light_or_one_per_band(tmp_path: Path) -> None:
+    """Photographs and boards see the same lamps: what is said of these changes no bit."""
+    path = session(tmp_path)
+    boards = np.full((COUNT, 3, HEIGHT, WIDTH), 200, np.uint8)
+    known: dict[str, object] = {"encoding": "linear", "white": boards}
+    plain = read_stack(path, **known)
+    per_light = np.linspace(0.5, 1.5, COUNT)
+    for strengths in (per_light, per_light[:, None] * [1.0, 2.0, 4.0]):
+        told = read_stack(path, intensities=strengths, **known)
+        np.testing.assert_array_equal(told.samples, plain.samples)
+        np.testing.assert_array_equal(told.rig.intensities, plain.rig.intensities)
+
+
 # A black level.
 
 

@@ -137,7 +137,8 @@ def read_photographs(
         board_reflectance=_board(board_reflectance, shape[0], white),
         board_exposure=_exposures(board_exposure, len(listed.lights), observations.kept, white),
         rig=rig,
-        gains=gains,
+        # Each board is lit by the lamp of its photograph: strengths cancel.
+        gains=None if white is not None else gains,
         region=area,
         layer=layer,
         geometry=geometry,
