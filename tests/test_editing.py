@@ -27,7 +27,7 @@ from impasto.calibrate import read_balls
 from impasto.cli import main
 from impasto.depth_mesh import DepthMesh
 from impasto.editing import BallOutlines, EditServer, Marks, Mesh, Subject
-from impasto.editing.server import LARGEST
+from impasto.editing.server import LARGEST, PAGE
 
 SIZE = (100.0, 75.0)
 CORNERS = {
@@ -167,7 +167,7 @@ def test_the_page_may_load_nothing_from_elsewhere(page: EditServer) -> None:
     assert all(word in {"'self'", "'none'"} for part in policy for word in part.split()[1:])
     assert answer.headers["X-Content-Type-Options"] == "nosniff"
     assert answer.headers["Cache-Control"] == "no-store"
-    for name in ("", "editor.js", "style.css"):
+    for name in PAGE:
         text = request(page, f"/{page.token}/{name}").data.decode()
         assert "http://" not in text
         assert "https://" not in text
@@ -542,3 +542,24 @@ def test_balls_and_heights_are_edited_in_the_browser(
     expected = before.copy()
     expected[0, 3] += 0.09
     assert np.abs(read_depth(mesh).depth_mm - expected).max() < 1e-9
+
+
+def test_a_stroke_of_the_brush_is_one_change(browser: chromium.Chromium, mesh: Path) -> None:
+    before = read_depth(mesh).depth_mm
+    with served(Mesh(mesh)) as server:
+        browser.open(server.url)
+        x, y, width, height = browser.value(
+            "(() => { const b = document.getElementById('view').getBoundingClientRect();"
+            " return [b.x, b.y, b.width, b.height]; })()"
+        )
+        browser.key("b")
+        middle, beside = (x + width / 2, y + height / 2), (x + width / 2 + 40, y + height / 2 + 20)
+        browser.drag(middle, beside)
+        browser.key("s", ctrl=True)
+        browser.until("document.getElementById('said').textContent.startsWith('depth.csv written')")
+        assert np.ptp(read_depth(mesh).depth_mm) < np.ptp(before)
+        browser.key("z", ctrl=True)
+        assert browser.value("document.getElementById('undo').disabled")
+        browser.key("s", ctrl=True)
+        browser.until("document.getElementById('save').disabled")
+    assert np.abs(read_depth(mesh).depth_mm - before).max() < 1e-9

@@ -27,6 +27,7 @@ from typing import Any
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from record import run_info, show, write
+from scaling import second_pass
 
 import impasto
 from impasto import simulate
@@ -112,19 +113,6 @@ def wrapper() -> list[dict[str, Any]]:
     return rows
 
 
-def second_pass(folder: Path, client: Any, name: str) -> float:
-    """Seconds from the first tile handed out to the last one written."""
-    times: list[float] = []
-    impasto.run(
-        folder / "painting.npz",
-        folder / f"{name}.zarr",
-        client=client,
-        progress=lambda done, total: times.append(time.perf_counter()),
-        **LARGE,
-    )
-    return times[-1] - times[0]
-
-
 def two_workers() -> list[dict[str, Any]]:
     """Seconds of a job on one worker and on two."""
     from distributed import Client
@@ -142,11 +130,11 @@ def two_workers() -> list[dict[str, Any]]:
         ):
             # The first job imports and opens.
             for count, client in ((1, one), (2, two)):
-                second_pass(folder, client, f"warm-{count}")
+                second_pass(folder, client, f"warm-{count}", **LARGE)
             for index in range(ROUNDS):
                 for count, client in ((1, one), (2, two)):
                     loads.append(os.getloadavg()[0])
-                    found[count].append(second_pass(folder, client, f"{index}-{count}"))
+                    found[count].append(second_pass(folder, client, f"{index}-{count}", **LARGE))
     ratios = [a / b for a, b in zip(found[1], found[2], strict=True)]
     return [
         {

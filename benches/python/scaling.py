@@ -38,6 +38,7 @@ from oracles import forward, rigs
 SIZE, TILE, BANDS, LAMPS = 512, 128, 6, 16
 NOISE = 0.002
 FIT: dict[str, Any] = {"pooling": "pixel"}
+JOB: dict[str, Any] = {"tile": TILE, "threads": 1, **FIT}
 
 
 def photographs() -> impasto.Stack:
@@ -77,17 +78,15 @@ def rows(what: str, times: dict[int, list[float]]) -> list[dict[str, Any]]:
     return found
 
 
-def second_pass(folder: Path, client: Any, name: str) -> float:
-    """Seconds from the first tile handed out to the last one written."""
+def second_pass(folder: Path, client: Any, name: str, **options: Any) -> float:
+    """Seconds of a job from the first tile handed out to the last one written."""
     times: list[float] = []
     impasto.run(
         folder / "painting.npz",
         folder / f"{name}.zarr",
         client=client,
-        tile=TILE,
-        threads=1,
         progress=lambda done, total: times.append(time.perf_counter()),
-        **FIT,
+        **options,
     )
     return times[-1] - times[0]
 
@@ -108,10 +107,10 @@ def by_workers(stack: impasto.Stack, most: int, rounds: int) -> list[dict[str, A
             clients[count] = cluster, Client(cluster, set_as_default=False)
         # The first job imports and opens.
         for count, (_, client) in clients.items():
-            second_pass(folder, client, f"warm-{count}")
+            second_pass(folder, client, f"warm-{count}", **JOB)
         for index in range(rounds):
             for count, (_, client) in clients.items():
-                times[count].append(second_pass(folder, client, f"{index}-{count}"))
+                times[count].append(second_pass(folder, client, f"{index}-{count}", **JOB))
         for cluster, client in clients.values():
             client.close()
             cluster.close()

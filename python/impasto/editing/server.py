@@ -34,8 +34,11 @@ LOOPBACK = "127.0.0.1"
 
 PAGE = {
     "": ("page.html", "text/html; charset=utf-8"),
-    "editor.js": ("editor.js", "text/javascript; charset=utf-8"),
     "style.css": ("style.css", "text/css; charset=utf-8"),
+    **{
+        name: (name, "text/javascript; charset=utf-8")
+        for name in ("main.js", "editor.js", "marks.js", "balls.js", "mesh.js")
+    },
 }
 """What the page consists of, by its address."""
 PICTURE = re.compile(r"picture/(\d{1,5})")
