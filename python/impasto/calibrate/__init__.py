@@ -27,6 +27,14 @@ from impasto.calibrate.photon_transfer import PhotonTransfer, photon_transfer
 from impasto.calibrate.picture import balls_picture
 from impasto.calibrate.target import Target, target_from
 from impasto.calibrate.tone_picture import tone_picture
+from impasto.calibrate.uncalibrated import (
+    PanelLights,
+    Patches,
+    lights_from_panel,
+    panel_lights_picture,
+    patches_of,
+    read_patches,
+)
 from impasto.lens import Lens, read_lens
 
 __all__ = [
@@ -45,6 +53,8 @@ __all__ = [
     "MonochromatorCamera",
     "Outline",
     "PaintingFrame",
+    "PanelLights",
+    "Patches",
     "PhotonTransfer",
     "Target",
     "TargetView",
@@ -61,13 +71,17 @@ __all__ = [
     "lens_from_target",
     "lens_picture",
     "lights_from_balls",
+    "lights_from_panel",
     "linear_photograph",
     "luma",
     "monochromator_picture",
+    "panel_lights_picture",
+    "patches_of",
     "photon_transfer",
     "read_balls",
     "read_chart",
     "read_lens",
+    "read_patches",
     "target_from",
     "tone_from_exposures",
     "tone_from_patches",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impasto.calibrate.geometry import BallCamera
+from impasto.calibrate.geometry import Array, BallCamera
 from impasto.calibrate.lights import BallLights, BallPhotographs
 from impasto.pictures import Panel, Picture, contact_sheet
 from impasto.pictures.sheet import draw_text
@@ -31,7 +31,7 @@ def balls_picture(
             _cross(panel.picture, at, str(number))
     worst = np.degrees(found.sigma.max())
     return contact_sheet(
-        [*panels, _map(found)],
+        [*panels, directions_panel(found.directions, "from the front: x right, y up")],
         title="Lamps from mirror balls",
         subtitle=f"{found.verdict}; directions within {worst:.2f}°",
         columns=len(panels) + 1,
@@ -65,7 +65,11 @@ def _cross(picture: Picture, at: tuple[float, float], name: str) -> None:
     draw_text(picture, name, (x + 7, y - 5), 15, _AMBER)
 
 
-def _map(found: BallLights) -> Panel:
+def directions_panel(directions: Array, note: str, sigma: Array | None = None) -> Panel:
+    """A map of ``(lamp, 3)`` unit directions from the front, with circles of their errors.
+
+    Circles at 30, 60 and 90 degrees from the view. Lamps without a direction are not shown.
+    """
     import cv2
 
     picture = np.full((_SIZE, _SIZE, 3), 38, dtype=np.uint8)
@@ -76,8 +80,11 @@ def _map(found: BallLights) -> Panel:
         draw_text(
             picture, f"{angle:.0f}°", (round(middle) + 4, round(middle) - size + 16), 13, _LINE
         )
-    for number, (x, y, _) in enumerate(found.directions.tolist(), 1):
+    for number in np.flatnonzero(np.isfinite(directions[:, 0])).tolist():
+        x, y = directions[number, :2].tolist()
         at = (round(middle + reach * x), round(middle - reach * y))
+        if sigma is not None:
+            cv2.circle(picture, at, round(2 * reach * sigma[number]), _AMBER, 1, cv2.LINE_AA)
         cv2.circle(picture, at, 4, _AMBER, -1, cv2.LINE_AA)
-        draw_text(picture, str(number), (at[0] + 7, at[1] - 5), 15, _INK)
-    return Panel("Directions", picture, "from the front: x right, y up")
+        draw_text(picture, str(number + 1), (at[0] + 7, at[1] - 5), 15, _INK)
+    return Panel("Directions", picture, note)

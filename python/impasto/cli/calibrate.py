@@ -29,6 +29,7 @@ def application() -> App:
         help="Find lamps, a camera, a lens and a tone curve from photographs made for that.",
     )
     app.command("impasto.cli.calibrate:lights")
+    app.command("impasto.cli.calibrate_painting:lights_from_painting")
     app.command("impasto.cli.calibrate:camera")
     app.command("impasto.cli.calibrate_light:monochromator")
     app.command("impasto.cli.calibrate:lens")

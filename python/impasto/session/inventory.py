@@ -144,7 +144,8 @@ def find_session(folder: str | Path) -> FoundSession:
     if light_file is None and not balls:
         missing.append(
             "or, where a mirror ball lies beside the painting: impasto calibrate lights "
-            f"{home} --out {folder / 'lights.lp'}"
+            f"{home} --out {folder / 'lights.lp'}; without a ball impasto calibrate "
+            "lights-from-painting finds lamps of a matte painting"
         )
     missing += [problem] if problem else []
     missing += [note.message for note in repairs if note.kind == "missing"]

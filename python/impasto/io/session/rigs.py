@@ -199,6 +199,11 @@ def _strengths(
     if not isinstance(intensities, str | Path):
         return np.asarray(intensities, dtype=np.float64), ""
     path = Path(intensities)
+    return read_strengths(path), f" in {path}"
+
+
+def read_strengths(path: Path) -> NDArray[np.float64]:
+    """``(light,)`` or ``(light, band)``: the numbers of a text file, one row for each light."""
     rows = [line.replace(",", " ").split() for line in read_text(path).splitlines()]
     try:
         table = np.array([row for row in rows if row], dtype=np.float64)
@@ -206,4 +211,4 @@ def _strengths(
         raise CorruptInputError(
             path, f"expected one row of numbers for each light ({error})"
         ) from error
-    return (table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table), f" in {path}"
+    return table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table
