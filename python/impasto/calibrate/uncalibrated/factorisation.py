@@ -22,7 +22,7 @@ FEW = 800
 """Pixels on which triples are tried."""
 ROUNDS = 40
 """Rounds of alternating least squares, once with all photographs and once with the clean ones."""
-NOISY = 2.5
+NOISY = 3.0
 """Noise of a photograph, in lower quartiles, above which highlights spoil it."""
 DARK = 0.3
 """Share of what a flat painting would show below which a sample may be in shadow."""
