@@ -50,7 +50,7 @@ def far(truth: np.ndarray) -> np.ndarray:
 def test_directions_of_a_matte_relief(truth: np.ndarray, near: np.ndarray) -> None:
     lights = found(near)
     off = degrees(lights.directions, truth)
-    assert lights.told.all()
+    assert lights.known.all()
     # The mean light of a picture under lamps at six widths differs from that in its middle by
     # up to (1 / 12)^2 = 0.7 %: 0.4 degrees for a lamp at 45 degrees. The rest is noise, below 3
     # of its standard deviations for all but 1 in 90 pairs of directions.
@@ -90,9 +90,9 @@ def test_strengths_that_differ(truth: np.ndarray) -> None:
     with pytest.raises(impasto.GeometryError, match="strength"):
         found(pictures)
     lights = found(pictures, strengths=strengths)
-    off = degrees(lights.directions, truth)[lights.told]
+    off = degrees(lights.directions, truth)[lights.known]
     # As for alike lamps.
-    assert (off < 0.4 + 3.0 * np.degrees(lights.sigma[lights.told])).all()
+    assert (off < 0.4 + 3.0 * np.degrees(lights.sigma[lights.known])).all()
 
 
 def test_highlights_everywhere_are_refused(truth: np.ndarray) -> None:

@@ -43,12 +43,13 @@ def row(case: str, pictures: np.ndarray, truth: np.ndarray) -> dict[str, Any]:
         found = lights_from_panel(patches_of(pictures, names))
     except impasto.GeometryError as error:
         words = str(error).removeprefix("lights: ").split(": ")[0].split(" (")[0]
-        return {"case": case, "lamps": len(truth), "told": "–", "mean": None, "worst": None,
+        return {"case": case, "lamps": len(truth), "known": "–", "mean": None, "worst": None,
                 "said": None, "words": words}  # fmt: skip
-    off = degrees(found.directions[found.told], truth[found.told])
+    off = degrees(found.directions[found.known], truth[found.known])
     said = float(np.degrees(np.sqrt(np.nanmean(np.square(found.sigma)))))
-    return {"case": case, "lamps": len(truth), "told": str(int(found.told.sum())),
-            "mean": float(off.mean()), "worst": float(off.max()), "said": said, "words": "–"}  # fmt: skip
+    return {"case": case, "lamps": len(truth), "known": str(int(found.known.sum())),
+            "mean": float(off.mean()), "worst": float(off.max()), "said": said,
+            "words": "–"}  # fmt: skip
 
 
 def reliefs() -> list[dict[str, Any]]:
@@ -127,7 +128,7 @@ def real_object(data: Path) -> dict[str, Any]:
     left, _, right = np.linalg.svd(lamps.T @ truth)
     off = degrees(lamps @ left @ right, truth)
     return {"case": "object of two_balls, strengths known, up to a rotation", "lamps": len(truth),
-            "told": str(int((form.weights > 0).sum())), "mean": float(off.mean()),
+            "known": str(int((form.weights > 0).sum())), "mean": float(off.mean()),
             "worst": float(off.max()), "said": None, "words": "–"}  # fmt: skip
 
 

@@ -76,17 +76,17 @@ def lights_from_painting(
         found = lights_from_panel(patches, strengths=strong, first_from=first_from)
         worst = np.degrees(np.nanmax(found.sigma))
         stage.note = (
-            f"{found.told.sum()} of {len(found.told)}, directions within {worst:.1f} degrees"
+            f"{found.known.sum()} of {len(found.known)}, directions within {worst:.1f} degrees"
         )
     for words in found.assumptions:
         stages.say(f"  {'':14}[dim]taken for granted: {escape(words)}[/]")
-    lost = [name for name, told in zip(found.names, found.told, strict=True) if not told]
+    lost = [name for name, known in zip(found.names, found.known, strict=True) if not known]
     if lost:
         stages.say(
             f"[yellow]warning:[/] highlights hide the shading of {escape(', '.join(lost))}: not in "
             f"{escape(out.name)}"
         )
-    numbers = np.flatnonzero(found.told)
+    numbers = np.flatnonzero(found.known)
     pictures = {
         int(number): linear_photograph(folder / found.names[number], encoding, black)
         for number in (numbers[0], numbers[len(numbers) // 2])

@@ -58,7 +58,7 @@ def lights_from_panel(
         ``(lamp,)`` or ``(lamp, band)`` of the lamps on the painting, as a white board shows them
         (:func:`impasto.calibrate.board_strengths`); default: all are equal.
     first_from
-        From which side the first lamp that is told shines; default: the fall-off tells.
+        From which side the first lamp that is known shines; default: the fall-off tells.
     seed
         Of random samples.
 
@@ -94,7 +94,7 @@ def lights_from_panel(
     form = equal_strengths(factors.lamps, factors.clean, seed)
     _check_model(form, factors.clean)
     assert form is not None
-    told = form.weights > 0.0
+    known = form.weights > 0.0
     fit = Fit.of(sample, factors, form)
     lamps = factors.lamps @ form.matrix
     surface = mapped(fit.surface(factors.lamps), form.matrix)
@@ -104,16 +104,16 @@ def lights_from_panel(
     choices = [frame]
     if mirror:
         choices.append(mirrored(frame, surface, counts))
-    directions, side = _turned(choices, lamps, fields.slope, told)
-    directions = _on_side(directions, side, told, first_from, mirror)
-    sigma = fit.errors(directions, told, seed)
-    typical = float(np.degrees(np.median(sigma[told])))
+    directions, side = _turned(choices, lamps, fields.slope, known)
+    directions = _on_side(directions, side, known, first_from, mirror)
+    sigma = fit.errors(directions, known, seed)
+    typical = float(np.degrees(np.median(sigma[known])))
     if not typical <= WORST:
         raise GeometryError(
             f"lights: the relief is too flat, or the photographs too noisy, to tell lamps: errors "
             f"of {typical:.0f} degrees; {NO_BALL}"
         )
-    directions[~told], sigma[~told] = np.nan, np.nan
+    directions[~known], sigma[~known] = np.nan, np.nan
     return PanelLights(
         directions, sigma, patches.names, form.spread, frame.curl, frame.mirrored_curl,
         abs(side), first_from,
@@ -138,13 +138,13 @@ def _check_model(form: EqualStrengths | None, clean: NDArray[np.bool_]) -> None:
 
 
 def _turned(
-    choices: list[PanelFrame], lamps: Array, slope: Array, told: NDArray[np.bool_]
+    choices: list[PanelFrame], lamps: Array, slope: Array, known: NDArray[np.bool_]
 ) -> tuple[Array, float]:
     """The hand and side that the fall-off tells, and by how many of its standard deviations."""
     best, found = -1.0, np.empty(0)
     for frame in choices:
         directions = unit(lamps @ frame.matrix)
-        t = inverse_square_share(directions[told], slope[told])
+        t = inverse_square_share(directions[known], slope[known])
         if abs(t) > best:
             best = abs(t)
             found = directions * (-1.0 if t < 0.0 else 1.0, -1.0 if t < 0.0 else 1.0, 1.0)
@@ -154,7 +154,7 @@ def _turned(
 def _on_side(
     directions: Array,
     side: float,
-    told: NDArray[np.bool_],
+    known: NDArray[np.bool_],
     first_from: Side | None,
     hand_open: bool,
 ) -> Array:
@@ -165,7 +165,7 @@ def _on_side(
             "lights: neither the relief nor the fall-off of the light tells right from left; "
             f"{NO_BALL}"
         )
-    first = int(np.flatnonzero(told)[0])
+    first = int(np.flatnonzero(known)[0])
     if first_from is None:
         if not sure:
             raise GeometryError(

@@ -27,15 +27,15 @@ def panel_lights_picture(
     found
         What :func:`~impasto.calibrate.uncalibrated.estimate.lights_from_panel` returned.
     photographs
-        ``(band, y, x)`` linear light of some lamps that are told, by number from 0.
+        ``(band, y, x)`` linear light of some lamps that are known, by number from 0.
     """
     panels = [_lit(found, number, light) for number, light in photographs.items()]
-    count = int(found.told.sum())
+    count = int(found.known.sum())
     worst = np.degrees(float(np.nanmax(found.sigma)))
     return contact_sheet(
         [*panels, directions_panel(found.directions, "circles: two deviations", found.sigma)],
         title="Lamps from photographs of the painting",
-        subtitle=f"{count} of {len(found.told)} lamps, within {worst:.1f}° if they are equally "
+        subtitle=f"{count} of {len(found.known)} lamps, within {worst:.1f}° if they are equally "
         "strong and the painting faces the camera",
         columns=len(panels) + 1,
     )

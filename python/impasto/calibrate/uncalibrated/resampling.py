@@ -99,7 +99,7 @@ class Fit:
         found = solved(self.weights, self.relative, lamps / self.level)
         return found.reshape(3, *self.sample.light.shape[1:])
 
-    def errors(self, directions: Array, told: NDArray[np.bool_], seed: int) -> Array:
+    def errors(self, directions: Array, known: NDArray[np.bool_], seed: int) -> Array:
         """``(lamp,)`` standard deviations by bootstrap over patches and jackknife over lamps."""
         random = np.random.default_rng(seed)
         patches = self.sample.light.shape[1]
@@ -114,15 +114,15 @@ class Fit:
                 self._again(lamps, self.surface(lamps), self.form.weights, counts, directions)
             )
         lamps, whole = self.factors.lamps, self.surface(self.factors.lamps)
-        for lamp in np.flatnonzero(told):
+        for lamp in np.flatnonzero(known):
             weights = self.form.weights.copy()
             weights[lamp] = 0.0
             by_lamp.append(self._again(lamps, whole, weights, np.ones(patches), directions))
         spread = _tangent_covariance(by_patch, directions)
-        spread += (told.sum() - 1) * _tangent_covariance(by_lamp, directions)
+        spread += (known.sum() - 1) * _tangent_covariance(by_lamp, directions)
         # What highlights bend shows where only the photographs with the fewest are asked.
-        fewest = self.factors.noise <= np.median(self.factors.noise[told])
-        if (fewest & told).sum() >= LEAST:
+        fewest = self.factors.noise <= np.median(self.factors.noise[known])
+        if (fewest & known).sum() >= LEAST:
             weights = np.where(fewest, self.form.weights, 0.0)
             half = self._again(lamps, whole, weights, np.ones(patches), directions)
             spread += _tangent_covariance([half], directions)

@@ -23,7 +23,7 @@ class PanelLights:
     ----------
     directions
         ``(lamp, 3)`` unit vectors: x right, y up, z towards the camera; NaN for lamps that are not
-        told, since highlights cover their photographs.
+        known, since highlights cover their photographs.
     sigma
         ``(lamp,)`` standard deviation in radians along the worse axis, of what the photographs
         tell; not of what is taken for granted (:attr:`assumptions`).
@@ -49,14 +49,14 @@ class PanelLights:
     given: Side | None
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def known(self) -> NDArray[np.bool_]:
         """``(lamp,)`` whether a direction is known."""
         return np.isfinite(self.directions[:, 0])
 
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What photographs of a painting alone do not tell, and what was taken for it."""
-        told = (
+        side = (
             f"the first lamp stands {_WHERE[self.given]}, as given"
             if self.given is not None
             else "hills are told from hollows by the fall-off of the light, "
@@ -65,7 +65,7 @@ class PanelLights:
         return (
             "all lamps are equally strong on the painting, or as strong as given",
             "the painting as a whole faces the camera: a tilt of it would turn all lamps",
-            told,
+            side,
         )
 
     def save_report(self, path: str | Path) -> None:
@@ -78,14 +78,14 @@ class PanelLights:
                 "lights": [
                     {
                         "photograph": name,
-                        "direction": direction if told else None,
-                        "sigma_degrees": sigma if told else None,
+                        "direction": direction if known else None,
+                        "sigma_degrees": sigma if known else None,
                     }
-                    for name, direction, sigma, told in zip(
+                    for name, direction, sigma, known in zip(
                         self.names,
                         self.directions.tolist(),
                         np.degrees(self.sigma).tolist(),
-                        self.told.tolist(),
+                        self.known.tolist(),
                         strict=True,
                     )
                 ],

@@ -57,7 +57,8 @@ def find_lights(folder: Path, notebook: Notebook) -> LightFile:
         raise ArgumentError(
             f"lights: {folder} has no light file (*.lp, {', '.join(_TEXT_LIGHTS)}, *.dome, "
             "*.relight); give the one of these photographs with lights=, or make one from "
-            "photographs of a mirror ball by impasto calibrate lights"
+            "photographs of a mirror ball by impasto calibrate lights (of a matte painting alone: "
+            "lights-from-painting)"
         )
     if len(found) > 1:
         raise ArgumentError(
