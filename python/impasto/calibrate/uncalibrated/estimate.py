@@ -22,7 +22,7 @@ _SIDES: dict[str, tuple[float, float]] = {
 UNEVEN = 0.025
 """Largest spread of strengths: matte paintings under equal lamps stay below 0.01, glossy ones for
 which the model is wrong are above 0.1 (docs/calibrate.md)."""
-TOLD = 0.5
+FOUND = 0.5
 """Least share of the lamps that follow the model."""
 FOLLOW = 0.8
 """Least share of the photographs without many highlights that do."""
@@ -104,7 +104,7 @@ def lights_from_panel(
     choices = [frame]
     if mirror:
         choices.append(mirrored(frame, surface, counts))
-    directions, side = _turned(choices, lamps, fields.slope, known)
+    directions, side = _facing(choices, lamps, fields.slope, known)
     directions = _on_side(directions, side, known, first_from, mirror)
     sigma = fit.errors(directions, known, seed)
     typical = float(np.degrees(np.median(sigma[known])))
@@ -123,7 +123,7 @@ def lights_from_panel(
 def _check_model(form: EqualStrengths | None, clean: NDArray[np.bool_]) -> None:
     count = len(clean)
     found = 0 if form is None else int((form.weights > 0.0).sum())
-    if form is None or found < TOLD * count or found < FOLLOW * clean.sum():
+    if form is None or found < FOUND * count or found < FOLLOW * clean.sum():
         which = f"only {found} of {count}" if found else "hardly any"
         raise GeometryError(
             f"lights: {which} photographs look like those of a matte relief under equally strong "
@@ -137,7 +137,7 @@ def _check_model(form: EqualStrengths | None, clean: NDArray[np.bool_]) -> None:
         )
 
 
-def _turned(
+def _facing(
     choices: list[PanelFrame], lamps: Array, slope: Array, known: NDArray[np.bool_]
 ) -> tuple[Array, float]:
     """The hand and side that the fall-off tells, and by how many of its standard deviations."""

@@ -85,14 +85,14 @@ def factorise(samples: Array, seed: int = 0) -> Factors:
             clean = noise[:, 0] <= NOISY * np.quantile(noise, 0.25)
         # Alike for all that could be: three photographs alone have no residual at all.
         usual = float(np.quantile(noise, 0.25))
-        trust = np.square(photons / np.where(noise <= NOISY * usual, usual, noise))
+        inverse_variance = np.square(photons / np.where(noise <= NOISY * usual, usual, noise))
         for _ in range(3 if round_ == 0 else 1):
-            surface = solved((weights * trust)[clean], relative[clean], lamps[clean])
+            surface = solved((weights * inverse_variance)[clean], relative[clean], lamps[clean])
             residual = photons * (relative - lamps @ surface)
             if round_ == 0:
                 size = np.maximum(np.abs(residual), FLOOR * noise)
                 weights = known * np.minimum(1.0, 1.345 * noise / size)
-        lamps = solved((weights * trust).T, relative.T, surface.T).T
+        lamps = solved((weights * inverse_variance).T, relative.T, surface.T).T
         residual = photons * (relative - lamps @ surface)
         noise = np.maximum(_spread(residual, known), FLOOR)[:, None]
         noise = np.maximum(noise, 0.5 * np.median(noise[clean]))

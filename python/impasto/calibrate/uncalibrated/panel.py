@@ -56,9 +56,9 @@ def panel_frame(lamps: Array, surface: Array, weights: Array) -> PanelFrame:
     right = np.cross(helper, view)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(view, right), view], axis=1)
-    turned = np.tensordot(axes.T, surface, axes=1)
+    rotated = np.tensordot(axes.T, surface, axes=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope_x, slope_y = -turned[0] / turned[2], -turned[1] / turned[2]
+        slope_x, slope_y = -rotated[0] / rotated[2], -rotated[1] / rotated[2]
     plain = _least_curl(slope_x, slope_y, weights)
     mirrored = _least_curl(slope_x, -slope_y, weights)
     (angle, curl), other = (plain, mirrored[1]) if plain[1] <= mirrored[1] else (mirrored, plain[1])
@@ -70,8 +70,8 @@ def panel_frame(lamps: Array, surface: Array, weights: Array) -> PanelFrame:
 def mirrored(frame: PanelFrame, surface: Array, weights: Array) -> PanelFrame:
     """The best frame of the other hand."""
     flip = np.diag([1.0, -1.0, 1.0])
-    turned = np.tensordot((frame.matrix @ flip).T, surface, axes=1)
-    angle, curl = _least_curl(-turned[0] / turned[2], -turned[1] / turned[2], weights)
+    rotated = np.tensordot((frame.matrix @ flip).T, surface, axes=1)
+    angle, curl = _least_curl(-rotated[0] / rotated[2], -rotated[1] / rotated[2], weights)
     return PanelFrame(frame.matrix @ flip @ about_view(angle), curl, frame.curl)
 
 

@@ -142,9 +142,9 @@ class Fit:
             return np.full(directions.shape, np.nan)
         frame = panel_frame(lamps @ matrix, mapped(surface, matrix), counts.astype(np.float64))
         found = unit(lamps @ matrix @ frame.matrix)
-        turned = found * (-1.0, -1.0, 1.0)
-        same = np.nansum(found * directions) >= np.nansum(turned * directions)
-        return found if same else turned
+        rotated = found * (-1.0, -1.0, 1.0)
+        same = np.nansum(found * directions) >= np.nansum(rotated * directions)
+        return found if same else rotated
 
 
 def mapped(surface: Array, matrix: Array) -> Array:
