@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -102,6 +102,15 @@ class RelightableImage:
         """``(y, x)``."""
         _, rows, columns = self.planes.shape
         return rows, columns
+
+    def pixels(self, at: NDArray[np.intp]) -> RelightableImage:
+        """Some pixels by their flat numbers, as a picture of one column."""
+
+        def some(planes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+            return np.ascontiguousarray(planes.reshape(len(planes), -1)[:, at, None])
+
+        colour = None if self.colour is None else some(self.colour)
+        return replace(self, planes=some(self.planes), colour=colour)
 
     def values(self, lights: ArrayLike) -> NDArray[np.float32]:
         """The picture under each of some lights, in the coding of the file, 1 is white.

@@ -1,0 +1,81 @@
+"""Maps of a painting as textures: normals, colours and one lobe, in numbers that a format holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto.encoding import Encoding
+from impasto.export.lobes import Distribution, OneLobe, one_lobe
+from impasto.export.source import Map, Source
+
+FLAT = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Textures:
+    """A painting in the maps of a facet model.
+
+    Attributes
+    ----------
+    normal
+        ``(3, y, x)`` unit vectors: x right, y up, z towards the viewer (the OpenGL convention);
+        straight ahead where unknown.
+    diffuse
+        ``(3, y, x)`` linear sRGB, 0 where unknown.
+    lobe
+        Width and strength of the highlight.
+    """
+
+    normal: Map
+    diffuse: Map
+    lobe: OneLobe
+
+    @property
+    def head_on(self) -> Map:
+        """``(3, y, x)`` reflectance of the facets at normal incidence, at most 1."""
+        return np.asarray(np.clip(self.lobe.specular * np.float32(self.lobe.head_on), 0.0, 1.0))
+
+
+def textures(source: Source, distribution: Distribution) -> Textures:
+    """The maps of a painting, its lobes replaced by the nearest one of a distribution."""
+    lit = source.surface
+    normal = np.array(lit.normal, dtype=np.float32)
+    normal[:, ~source.known] = np.float32(FLAT)[:, None]
+    diffuse = np.where(source.known, np.maximum(lit.diffuse, 0.0), 0.0).astype(np.float32)
+    return Textures(normal, diffuse, one_lobe(lit, distribution))
+
+
+def coded_normals(normal: Map, bits: int = 8) -> NDArray[Any]:
+    """``(3, y, x)`` codes ``(n + 1) / 2`` of normals."""
+    full = (1 << bits) - 1
+    codes = np.rint((np.clip(normal, -1.0, 1.0) + 1.0) / 2.0 * full)
+    return codes.astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def decoded_normals(codes: NDArray[Any]) -> Map:
+    """Unit vectors of codes, as programs decode them."""
+    full = np.iinfo(codes.dtype).max
+    found = 2.0 * codes.astype(np.float32) / np.float32(full) - 1.0
+    length = np.linalg.norm(found, axis=0, keepdims=True)
+    return np.asarray(found / np.maximum(length, 1e-6), dtype=np.float32)
+
+
+def coded_srgb(linear: Map) -> NDArray[np.uint8]:
+    """8-bit sRGB codes of linear light, clipped to 0..1."""
+    coded = Encoding("srgb").encode(np.clip(linear, 0.0, 1.0))
+    return np.rint(255.0 * np.asarray(coded)).astype(np.uint8)
+
+
+def decoded_srgb(codes: NDArray[np.uint8]) -> Map:
+    """Linear light of 8-bit sRGB codes."""
+    table = np.asarray(Encoding("srgb").decode(np.arange(256) / 255.0), dtype=np.float32)
+    return np.asarray(table[codes])
+
+
+def coded_linear(values: Map) -> NDArray[np.uint8]:
+    """8-bit codes of numbers from 0 to 1."""
+    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
