@@ -42,7 +42,9 @@ class Angles:
         return np.asarray((1.0 - cosine) / cosine)
 
 
-def ggx(base: Map, head_on: Map, alpha: Map, at: Angles, *, weight: float = 1.0) -> Map:
+def ggx(
+    base: Map, head_on: Map, alpha: Map, at: Angles, *, weight: float | Map = 1.0
+) -> Map:
     """The dielectric of glTF 2.0, appendix B, with KHR_materials_specular; also UsdPreviewSurface.
 
     Trowbridge-Reitz facets, the joint Smith shadowing of both directions, Schlick's Fresnel
@@ -60,18 +62,17 @@ def ggx(base: Map, head_on: Map, alpha: Map, at: Angles, *, weight: float = 1.0)
     return np.asarray(light, dtype=np.float32)
 
 
-def ward(diffuse: Map, specular: Map, alpha: Map, at: Angles, front: Angles, ambient: float) -> Map:
-    """OpenLIME's BRDF layer: Ward's lobe [@ward1992measuring], always seen from the front.
+def ward(diffuse: Map, specular: Map, alpha: Map, front: Angles, ambient: float) -> Map:
+    """OpenLIME's BRDF layer: Ward's lobe [@ward1992measuring], seen from the front.
 
-    Light relative to that which OpenLIME shows of a white board: it divides ``kd`` by pi and
-    nothing by the light.
+    It divides ``kd`` by pi; here its light is multiplied by pi again.
     """
     width = np.square(alpha.astype(np.float64))
     product = front.nl * front.nv
     with np.errstate(divide="ignore", over="ignore", under="ignore"):
         lobe = np.exp(-front.tangent_squared / width) / (4.0 * np.pi * width * np.sqrt(product))
     lobe = np.where((product > 0.0) & (width * np.square(front.nh) >= 1e-5), lobe, 0.0)
-    light = (diffuse / np.pi + specular * lobe) * at.nl + diffuse / np.pi * ambient
+    light = (diffuse / np.pi + specular * lobe) * front.nl + diffuse / np.pi * ambient
     return np.asarray(np.pi * light, dtype=np.float32)
 
 
