@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from impasto.export.folder import export_folder
 from impasto.export.loss import REPORT, LossReport, Shown, measure, written
-from impasto.export.shading import Angles, diffuse_reflectance_inside, rough_plastic
+from impasto.export.rough_interface import rough_interface
+from impasto.export.shading import Angles, rough_plastic
 from impasto.export.source import Direction, Map, Source
 from impasto.export.textures import Textures, textures
 from impasto.io.files import atomic_bytes
@@ -30,6 +31,8 @@ LOST = (
     "spectra: colours are those under D65",
 )
 _EYE_MM = 1000.0
+_UV = '<transform name="to_uv"><scale x="1" y="-1"/></transform>'
+"""A rectangle counts v from its lower edge, a bitmap from its upper."""
 
 
 def export_mitsuba(source: Source, out: Path) -> LossReport:
@@ -74,12 +77,12 @@ def _one_width(maps: Textures) -> float:
 
 
 def _maps(folder: Path, maps: Textures, width: float, index: float) -> None:
-    # Paint under a smooth interface: what reaches the viewer head-on is the diffuse colour.
-    through = (1.0 - maps.lobe.head_on) ** 2 / index**2 / (1.0 - diffuse_reflectance_inside(index))
-    colours = {"diffuse": maps.diffuse / np.float32(through)}
+    # Light crosses the interface on its way in and out: head-on the diffuse colour remains.
+    interface = rough_interface(width, index)
+    head_on = interface.crossing(np.ones(1))[0]
+    through = head_on**2 / index**2 / (1.0 - interface.inside)
     # The same light in a lobe of another width: strength times squared width stays.
-    colours["specular"] = maps.lobe.specular
-    del width
+    colours = {"diffuse": maps.diffuse / np.float32(through), "specular": maps.lobe.specular}
     for name, planes in colours.items():
         write_exr(folder / f"{name}.exr", dict(zip("RGB", planes, strict=True)))
     coded = (maps.normal + np.float32(1.0)) / np.float32(2.0)
@@ -101,7 +104,7 @@ def _plastic(width: float, index: float) -> str:
 def _bitmap(name: str, file: str) -> str:
     return (
         f'<texture type="bitmap" name="{name}"><string name="filename" value="{file}.exr"/>'
-        '<boolean name="raw" value="true"/><string name="filter_type" value="nearest"/></texture>'
+        f'<boolean name="raw" value="true"/><string name="filter_type" value="nearest"/>{_UV}</texture>'
     )
 
 
@@ -114,7 +117,7 @@ def _scene(source: Source, bsdf: str) -> str:
     <integrator type="direct"/>
     <sensor type="orthographic">
         <transform name="to_world">
-            <scale x="{0.5 * wide:.7g}" y="{0.5 * tall:.7g}"/>
+            <scale x="{0.5 * wide:.7g}" y="{0.5 * wide:.7g}"/>
             <lookat origin="0, 0, {_EYE_MM:g}" target="0, 0, 0" up="0, 1, 0"/>
         </transform>
         <film type="hdrfilm">
@@ -137,6 +140,7 @@ def _scene(source: Source, bsdf: str) -> str:
                 <string name="filename" value="normal.exr"/>
                 <boolean name="raw" value="true"/>
                 <string name="filter_type" value="nearest"/>
+                {_UV}
             </texture>
             {bsdf}
         </bsdf>

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.export.rough_interface import fresnel, rough_interface, smith_beckmann
 from impasto.export.source import Direction, Map
 
 Floats = NDArray[np.float64]
@@ -76,48 +77,18 @@ def ward(diffuse: Map, specular: Map, alpha: Map, front: Angles, ambient: float)
     return np.asarray(np.pi * light, dtype=np.float32)
 
 
-def rough_plastic(
-    diffuse: Map, specular: Map, alpha: float, index: float, at: Angles
-) -> Map:
+def rough_plastic(diffuse: Map, specular: Map, alpha: float, index: float, at: Angles) -> Map:
     """Mitsuba's ``roughplastic`` with Beckmann facets [@walter2007microfacet].
 
-    The diffuse part crosses the interface twice, by Fresnel's transmittance of a smooth one; what
-    the interface sends back inside is its mean over the hemisphere.
+    The diffuse part crosses the rough interface twice, and again and again from inside.
     """
-    inside = diffuse_reflectance_inside(index)
-    crossed = (1.0 - fresnel(at.nl, index)) * (1.0 - fresnel(at.nv, index)) / index**2
-    matte = diffuse / (1.0 - inside)
+    interface = rough_interface(alpha, index)
+    crossed = interface.crossing(at.nl) * interface.crossing(at.nv) / index**2
+    matte = diffuse / (1.0 - interface.inside)
     cosine = np.maximum(at.nh, 1e-6)
     with np.errstate(under="ignore"):
         lobe = np.exp(-at.tangent_squared / alpha**2) / (np.pi * alpha**2 * cosine**4)
-    shadowed = _smith_beckmann(at.nl, alpha) * _smith_beckmann(at.nv, alpha)
+    shadowed = smith_beckmann(at.nl, alpha) * smith_beckmann(at.nv, alpha)
     mirror = float(fresnel(np.asarray([at.vh]), index)[0])
     shine = np.pi * specular * mirror * lobe * shadowed / (4.0 * at.nv)
     return np.asarray(matte * crossed * at.nl + np.where(at.nl > 0.0, shine, 0.0), np.float32)
-
-
-def fresnel(cosine: Floats, index: float) -> Floats:
-    """Reflectance of a smooth dielectric, unpolarised."""
-    inner = np.sqrt(1.0 - (1.0 - np.square(cosine)) / index**2)
-    across = (cosine - index * inner) / (cosine + index * inner)
-    along = (index * cosine - inner) / (index * cosine + inner)
-    return np.asarray(0.5 * (np.square(across) + np.square(along)))
-
-
-def diffuse_reflectance_inside(index: float) -> float:
-    """The share of diffuse light from inside that a smooth interface sends back."""
-    cosine = (np.arange(4000) + 0.5) / 4000
-    outer = 1.0 - index**2 * (1.0 - cosine**2)
-    escaping = outer > 0.0
-    back = np.ones_like(cosine)
-    # Fresnel's reflectance is the same from both sides.
-    back[escaping] = fresnel(np.sqrt(outer[escaping]), index)
-    return float((2.0 * back * cosine).mean())
-
-
-def _smith_beckmann(cosine: Floats, alpha: float) -> Floats:
-    """Smith's shadowing of one direction, the rational fit of Walter et al. (2007)."""
-    sine = np.sqrt(np.maximum(1.0 - np.square(cosine), 1e-12))
-    slope = cosine / (alpha * sine)
-    fit = (3.535 * slope + 2.181 * slope**2) / (1.0 + 2.276 * slope + 2.577 * slope**2)
-    return np.asarray(np.where(slope < 1.6, fit, 1.0))
