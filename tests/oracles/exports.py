@@ -167,7 +167,9 @@ def of_materialx(folder: Path) -> dict[str, Any]:
         "version": MaterialX.getVersionString(),
         "valid": bool(valid),
         "message": message,
-        "surfaces": [one.getCategory() for one in document.getNodes() if "surface" in one.getType()],
+        "surfaces": [
+            one.getCategory() for one in document.getNodes() if "surface" in one.getType()
+        ],
         "missing": [
             one.getValueString()
             for node in document.getNodes("image")
@@ -204,7 +206,7 @@ def main() -> None:
             "gltf_validator": of_validator(folder),
         }
     FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    print(FILE.read_text())
+    sys.stdout.write(FILE.read_text())
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ def height(result: Result, /, *, out: Path, common: Common | None = None) -> Non
 
 
 def normal_map(result: Result, /, *, out: Path, common: Common | None = None) -> None:
-    """Write a 16-bit normal map (.png): red right, green up (OpenGL, Blender), blue to the viewer."""
+    """Write a 16-bit normal map (.png): red right, green up (OpenGL), blue to the viewer."""
     _export("normal-map", result, out, common)
 
 
@@ -145,7 +145,7 @@ def iiif(
     out: Folder,
     url: str | None = None,
     light: OneDirection = None,
-    quality: int = 92,
+    quality: int = 97,
     common: Common | None = None,
 ) -> None:
     """Write tiles of a picture for IIIF viewers (Image API 3.0, level 0: no server).

@@ -36,10 +36,7 @@ def info(
     json
         Print JSON for programs.
     """
-    if result is None:
-        facts = _installation()
-    else:
-        facts = _facts(result)
+    facts = _installation() if result is None else _facts(result)
     if json:
         console.print_json(facts)
         return

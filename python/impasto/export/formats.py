@@ -57,7 +57,7 @@ FORMATS: dict[Format, Kind] = {
 
 
 def to(
-    format: Format,  # noqa: A002
+    format: Format,
     result: Any,
     out: str | Path,
     *,
@@ -80,8 +80,8 @@ def to(
     out
         The file or the folder. A folder that an export wrote is replaced.
     reflectance
-        The result of :func:`impasto.fit_reflectance`: colours are then those under D65, and OpenLIME
-        gets the spectra.
+        The result of :func:`impasto.fit_reflectance`: colours are then those under D65, and
+        OpenLIME gets the spectra.
     pitch_mm
         Width of a pixel on the painting; default: that of the result. Without one, formats with a
         size have 1 mm per pixel.

@@ -92,7 +92,10 @@ def _angles(found: Map, normal: Map) -> Map:
 
 def _exr(source: Source, height: Map, path: Path) -> dict[str, float]:
     known = np.where(source.known, height, np.float32(np.nan))
-    attributes = {"unit": "mm", "pixelSizeInMM": float(source.pitch_mm or 1.0)}
+    attributes: dict[str, str | float | int] = {
+        "unit": "mm",
+        "pixelSizeInMM": float(source.pitch_mm or 1.0),
+    }
     write_exr(path, {"Z": known}, attributes=attributes)
     return _error(read_image(path)[0], known)
 

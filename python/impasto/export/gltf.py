@@ -33,7 +33,8 @@ from impasto.io.files import atomic_bytes
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _FLOAT, _UNSIGNED = 5126, 5125
-_LINEAR, _LINEAR_MIPMAP, _CLAMP = 9729, 9987, 33071
+SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}
+"""Linear, between linear scales, clamped at the edges."""
 MM = 1e-3
 """Metres."""
 KEPT = (
@@ -127,11 +128,11 @@ def _document(
         accessors.append(one)
         return len(accessors) - 1
 
-    tangent = np.tile(np.float32([1.0, 0.0, 0.0, 1.0]), (len(grid.points), 1))
+    tangent = np.tile(np.array([1, 0, 0, 1], np.float32), (len(grid.points), 1))
     attributes = {
         "POSITION": accessor(grid.points, "VEC3"),
         # The painting's own normals are in the texture; those of the panel are its frame.
-        "NORMAL": accessor(np.tile(np.float32([0, 0, 1]), (len(grid.points), 1)), "VEC3"),
+        "NORMAL": accessor(np.tile(np.array([0, 0, 1], np.float32), (len(grid.points), 1)), "VEC3"),
         "TANGENT": accessor(tangent, "VEC4"),
         "TEXCOORD_0": accessor(grid.texture, "VEC2"),
     }
@@ -154,11 +155,11 @@ def _document(
         "materials": [_material(source.name, index, factor)],
         "textures": [{"source": number, "sampler": 0} for number in range(len(images))],
         "images": images,
-        "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR_MIPMAP, "wrapS": _CLAMP, "wrapT": _CLAMP}],
+        "samplers": [SAMPLER],
         "accessors": accessors,
         "bufferViews": views,
         "buffers": [{"byteLength": len(binary)}],
-    }  # fmt: skip
+    }
     if extras is not None:
         document["asset"]["extras"] = {"loss": extras}
     return _packed(document, bytes(binary))

@@ -36,7 +36,7 @@ def export_iiif(
     *,
     scene: Scene | None = None,
     url: str | None = None,
-    quality: int = 92,
+    quality: int = 97,
 ) -> LossReport:
     """Write the folder.
 
@@ -56,7 +56,9 @@ def export_iiif(
     lit = scene or Scene([DistantLight((0.0, 0.71, 0.71))])
     image = render(source.result, lit, reflectance=source.reflectance, pitch_mm=source.pitch_mm)
     rows, columns = image.coverage.shape
-    factors = [1 << level for level in range(max(1, math.ceil(math.log2(max(rows, columns) / TILE)) + 1))]
+    factors = [
+        1 << level for level in range(max(1, math.ceil(math.log2(max(rows, columns) / TILE)) + 1))
+    ]
     icc = icc_profile(image.screen)
     with export_folder(out) as folder:
         sizes = []
@@ -91,7 +93,8 @@ def _smaller(image: Image, factor: int) -> Image:
     """Light averaged over areas, with the sizes that the API defines: rounded up."""
     rows, columns = image.coverage.shape
     tall, wide = -(-rows // factor), -(-columns // factor)
-    padded = np.pad(image.xyz, ((0, 0), (0, tall * factor - rows), (0, wide * factor - columns)), "edge")  # fmt: skip
+    more = ((0, 0), (0, tall * factor - rows), (0, wide * factor - columns))
+    padded = np.pad(image.xyz, more, "edge")
     planes = padded.reshape(3, tall, factor, wide, factor).mean(axis=(2, 4), dtype=np.float32)
     cover = np.ones((tall, wide), np.float32)
     return Image(cover, image.exposure, image.screen, planes)

@@ -96,7 +96,9 @@ class LossReport:
     def summary(self) -> str:
         """One line: the percentiles of the colours, or the other numbers."""
         if self.p50 is None:
-            return ", ".join(f"{name.replace('_', ' ')} {v:.3g}" for name, v in self.measured.items())
+            return ", ".join(
+                f"{name.replace('_', ' ')} {v:.3g}" for name, v in self.measured.items()
+            )
         front = f"dE00 {self.p50:.2f} median, {self.p95:.2f} p95, {self.p99:.2f} p99"
         if self.oblique_p50 is None:
             return front + " from the front"
@@ -132,7 +134,9 @@ def measure(source: Source, shown: Shown, *, oblique: bool) -> dict[str, Any]:
         p50, p95, p99 = _percentiles(difference)
         found.append(SceneLoss(light, (0.0, 90.0) if view is None else view, p50, p95, p99))
     names = [f"p{one}" for one in _PERCENTILES]
-    result: dict[str, Any] = dict(zip(names, _percentiles(np.concatenate(pooled[False])), strict=True))
+    result: dict[str, Any] = dict(
+        zip(names, _percentiles(np.concatenate(pooled[False])), strict=True)
+    )
     if pooled[True]:
         side = _percentiles(np.concatenate(pooled[True]))
         result |= {f"oblique_{name}": one for name, one in zip(names, side, strict=True)}

@@ -52,7 +52,9 @@ def _write(folder: Path, source: Source, strongest: float, loss: str) -> None:
     root = ET.Element("materialx", version="1.39", colorspace="lin_rec709")
     height, width = source.size_mm
     known = "" if source.pitch_mm else " (1 mm per pixel stands in)"
-    root.append(ET.Comment(f" impasto: {width:g} x {height:g} mm{known}; {loss.replace('--', '-')} "))
+    root.append(
+        ET.Comment(f" impasto: {width:g} x {height:g} mm{known}; {loss.replace('--', '-')} ")
+    )
     pictures = (
         ("colour", "color3", COLOUR, "srgb_texture"),
         ("highlight", "color3", SHINE, "srgb_texture"),
@@ -61,10 +63,8 @@ def _write(folder: Path, source: Source, strongest: float, loss: str) -> None:
     )
     for name, kind, file, space in pictures:
         image = ET.SubElement(root, "image", name=name, type=kind)
-        spaces = {} if space is None else {"colorspace": space}
-        ET.SubElement(
-            image, "input", name="file", type="filename", value=f"{FOLDER}/{file}", **spaces
-        )
+        stored = {"name": "file", "type": "filename", "value": f"{FOLDER}/{file}"}
+        ET.SubElement(image, "input", stored | ({} if space is None else {"colorspace": space}))
         for mode in ("uaddressmode", "vaddressmode"):
             ET.SubElement(image, "input", name=mode, type="string", value="clamp")
     normal = ET.SubElement(root, "normalmap", name="normal", type="vector3")

@@ -50,7 +50,10 @@ def export_mitsuba(source: Source, out: Path) -> LossReport:
         _maps(folder, maps, width, index)
         atomic_bytes(folder / SCENE, _scene(source, _plastic(width, index)).encode())
         lost = list(LOST)
-        kept = ["normals, diffuse colour and the strength of highlights as floats", "the size in mm"]
+        kept = [
+            "normals, diffuse colour and the strength of highlights as floats",
+            "the size in mm",
+        ]
         if lit.model == "lafortune" and lit.lobes:
             kept.append("all Lafortune lobes, as they are, in scene_lafortune.xml")
             _lafortune(folder, lit, source)
@@ -104,7 +107,8 @@ def _plastic(width: float, index: float) -> str:
 def _bitmap(name: str, file: str) -> str:
     return (
         f'<texture type="bitmap" name="{name}"><string name="filename" value="{file}.exr"/>'
-        f'<boolean name="raw" value="true"/><string name="filter_type" value="nearest"/>{_UV}</texture>'
+        '<boolean name="raw" value="true"/><string name="filter_type" value="nearest"/>'
+        f"{_UV}</texture>"
     )
 
 
@@ -175,7 +179,7 @@ def shown_by(folder: Path, width: float, index: float) -> Shown:
     )
 
     def shown(light: Direction, view: Direction | None, at: NDArray[np.intp]) -> Map:
-        normal = 2.0 * coded[:, at] - 1.0
+        normal = np.float32(2.0) * coded[:, at] - np.float32(1.0)
         angles = Angles.of(normal, light, view)
         return rough_plastic(diffuse[:, at], specular[:, at], width, index, angles)
 

@@ -1,7 +1,7 @@
 """A folder for OpenLIME: its BRDF layer, an RTI layer, and a multispectral layer of spectra.
 
 ``layers.json`` holds the options of each layer as its constructor takes them. The BRDF layer lights
-``kd``, ``ks``, ``normals`` and ``gloss`` with Ward's lobe [@ward1992measuring], seen from the front.
+``kd``, ``ks``, ``normals`` and ``gloss`` with Ward's lobe [@ward1992measuring], from the front.
 """
 
 from __future__ import annotations
@@ -174,7 +174,8 @@ def shown_by(folder: Path) -> Shown:
     content = read_json(folder / INDEX)
     options, brightness = content["layers"]["brdf"], float(content["brightness"])
     maps = {name: read_image(folder / file) for name, file in options["channels"].items()}
-    kd, ks, normals, gloss = (maps[n].reshape(len(maps[n]), -1) for n in ("kd", "ks", "normals", "gloss"))  # fmt: skip
+    flat = {name: planes.reshape(len(planes), -1) for name, planes in maps.items()}
+    kd, ks, normals, gloss = (flat[name] for name in ("kd", "ks", "normals", "gloss"))
     limits = options["alphaLimits"]
     least, greatest = (1.0 - limit**0.25 for limit in reversed(limits))
 

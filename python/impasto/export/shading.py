@@ -43,9 +43,7 @@ class Angles:
         return np.asarray((1.0 - cosine) / cosine)
 
 
-def ggx(
-    base: Map, head_on: Map, alpha: Map, at: Angles, *, weight: float | Map = 1.0
-) -> Map:
+def ggx(base: Map, head_on: Map, alpha: Map, at: Angles, *, weight: float | Map = 1.0) -> Map:
     """The dielectric of glTF 2.0, appendix B, with KHR_materials_specular; also UsdPreviewSurface.
 
     Trowbridge-Reitz facets, the joint Smith shadowing of both directions, Schlick's Fresnel

@@ -73,16 +73,16 @@ class Source:
 
     @property
     def size_mm(self) -> tuple[float, float]:
-        """Height and width of the painting; 1 mm per pixel where the width of a pixel is unknown."""
+        """Height and width of the painting; 1 mm per pixel where no width of a pixel is known."""
         pitch = self.pitch_mm or 1.0
         rows, columns = self.shape
         return rows * pitch, columns * pitch
 
     def linear(self, light: Direction, view: Direction | None = None) -> Map:
-        """``(3, y, x)`` linear sRGB that :func:`impasto.render` shows, a white board in full light
-        being 1; not clipped.
+        """``(3, y, x)`` linear sRGB that :func:`impasto.render` shows, not clipped.
 
-        With a ``view`` the pixels stay those of the painting, each as seen from that direction.
+        A white board in full light is 1. With a ``view`` the pixels stay those of the painting,
+        each as seen from that direction.
         """
         eye = None
         if view is not None:
@@ -104,7 +104,7 @@ class Source:
     def known(self) -> NDArray[np.bool_]:
         """``(y, x)``: whether the pixel has a normal and colours."""
         lit = self.surface
-        return np.isfinite(lit.normal[2]) & np.isfinite(lit.diffuse).all(axis=0)
+        return np.asarray(np.isfinite(lit.normal[2]) & np.isfinite(lit.diffuse).all(axis=0))
 
     @cached_property
     def surface(self) -> Surface:
@@ -126,5 +126,3 @@ def _of_colours(lit: Surface, matrix: NDArray[np.float64]) -> Surface:
         return np.asarray(np.tensordot(operator, planes, axes=1), dtype=np.float32)
 
     return lit.with_diffuse(colours(lit.diffuse), spectra=colours)
-
-

@@ -44,7 +44,7 @@ def textures(source: Source, distribution: Distribution) -> Textures:
     """The maps of a painting, its lobes replaced by the nearest one of a distribution."""
     lit = source.surface
     normal = np.array(lit.normal, dtype=np.float32)
-    normal[:, ~source.known] = np.float32(FLAT)[:, None]
+    normal[:, ~source.known] = np.array(FLAT, np.float32)[:, None]
     diffuse = np.where(source.known, np.maximum(lit.diffuse, 0.0), 0.0).astype(np.float32)
     return Textures(normal, diffuse, one_lobe(lit, distribution))
 
@@ -53,7 +53,7 @@ def coded_normals(normal: Map, bits: int = 8) -> NDArray[Any]:
     """``(3, y, x)`` codes ``(n + 1) / 2`` of normals."""
     full = (1 << bits) - 1
     codes = np.rint((np.clip(normal, -1.0, 1.0) + 1.0) / 2.0 * full)
-    return codes.astype(np.uint8 if bits == 8 else np.uint16)
+    return np.asarray(codes, dtype=np.uint8 if bits == 8 else np.uint16)
 
 
 def decoded_normals(codes: NDArray[Any]) -> Map:
@@ -67,7 +67,7 @@ def decoded_normals(codes: NDArray[Any]) -> Map:
 def coded_srgb(linear: Map) -> NDArray[np.uint8]:
     """8-bit sRGB codes of linear light, clipped to 0..1."""
     coded = Encoding("srgb").encode(np.clip(linear, 0.0, 1.0))
-    return np.rint(255.0 * np.asarray(coded)).astype(np.uint8)
+    return np.asarray(np.rint(255.0 * np.asarray(coded)), dtype=np.uint8)
 
 
 def decoded_srgb(codes: NDArray[np.uint8]) -> Map:
@@ -78,4 +78,4 @@ def decoded_srgb(codes: NDArray[np.uint8]) -> Map:
 
 def coded_linear(values: Map) -> NDArray[np.uint8]:
     """8-bit codes of numbers from 0 to 1."""
-    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
+    return np.asarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)), dtype=np.uint8)

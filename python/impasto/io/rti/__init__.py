@@ -1,4 +1,4 @@
-"""Reflectance transformation imaging: ``.ptm``, ``.rti`` and relight's folders, read and written."""
+"""Reflectance transformation imaging: ``.ptm``, ``.rti`` and relight's folders."""
 
 from impasto.io.rti.bases import Basis
 from impasto.io.rti.image import RelightableImage

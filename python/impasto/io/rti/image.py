@@ -134,7 +134,7 @@ class RelightableImage:
         count = len(weights)
         flat = self.planes.reshape(len(self.planes), -1)
         # A coefficient's scale and bias go into the few weights, not into the many pixels.
-        operator = np.float32(weights * self.scale[None, :, None])
+        operator = np.asarray(weights * self.scale[None, :, None], dtype=np.float32)
         offset = offset + np.einsum("lpk,p->lk", weights, self.bias)
         mixed = np.moveaxis(operator, 2, 1).reshape(count * 3, -1)
         shown = np.empty((count * 3, flat.shape[1]), np.float32)
@@ -159,7 +159,8 @@ class RelightableImage:
         found = np.clip(self.values(light)[0], 0.0, 1.0)
         if self.coding == "linear":
             found = np.asarray(Encoding("srgb").encode(found), dtype=np.float32)
-        return np.moveaxis(np.rint(255.0 * found), 0, -1).astype(np.uint8)
+        codes: NDArray[np.uint8] = np.rint(255.0 * found).astype(np.uint8)
+        return np.moveaxis(codes, 0, -1)
 
     def _weights(self, lights: ArrayLike) -> tuple[Floats, Floats]:
         """``(light, plane, 3)`` weights of coefficients, and ``(light, 3)`` without any plane."""
@@ -250,11 +251,12 @@ class RelightableImage:
             "sh": "spherical harmonics",
             "rbf": "radial functions",
         }
+        values = "display codes" if self.coding == "srgb" else "linear light"
         facts: dict[str, object] = {
             "format": self.format,
             "size": f"{columns} x {rows} pixels",
             "basis": f"{names[self.basis.kind]}, {self.basis.terms} functions",
-            "colours": f"{self.colourspace}, {'display codes' if self.coding == 'srgb' else 'linear light'}",
+            "colours": f"{self.colourspace}, {values}",
             "planes": f"{len(self.planes)} of 8 bits",
         }
         if self.lights is not None:
@@ -266,7 +268,7 @@ class RelightableImage:
         return facts
 
     def _repr_html_(self) -> str:
-        lit = {"light from above": np.asarray([0.0, 0.71, 0.71]), "raking": [-0.9, 0.3, 0.31]}
+        lit = {"light from above": (0.0, 0.71, 0.71), "raking light": (-0.9, 0.3, 0.31)}
         shown = {name: thumbnail(self.linear(light)[0]) for name, light in lit.items()}
         facts = {name.replace("_", " "): value for name, value in self.report().items()}
         return table("RelightableImage", facts, shown)

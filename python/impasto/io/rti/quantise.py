@@ -65,7 +65,9 @@ def quantised(
     if shared:
         low, high = (np.repeat(one[:, None], 3, axis=1) for one in (low, high))
     scale, bias = _whole(low, high) if whole else _between(low, high)
-    codes = np.rint((np.where(known, coefficients, zero) - bias[..., None, None]) / scale[..., None, None])
+    codes = np.rint(
+        (np.where(known, coefficients, zero) - bias[..., None, None]) / scale[..., None, None]
+    )
     planes = np.clip(codes, 0, 255).astype(np.uint8)
     return RelightableImage(
         planes=planes.reshape(-1, *planes.shape[2:]),

@@ -94,9 +94,7 @@ _CODING = "coding"
 """Our key for the coding of the values; relight has none and writes linear light."""
 
 
-def _planes(
-    info: Path, suffix: str, size: tuple[int, int], count: int
-) -> NDArray[np.uint8]:
+def _planes(info: Path, suffix: str, size: tuple[int, int], count: int) -> NDArray[np.uint8]:
     width, height = size
     planes = np.empty((3 * -(-count // 3), height, width), np.uint8)
     for number in range(len(planes) // 3):
@@ -129,7 +127,7 @@ def _components(content: dict[str, Any], material: dict[str, Any], count: int) -
         raise ArgumentError("range: expected a positive number for each plane")
     found = (codes - 127.0) / np.concatenate([[1.0], ranges])[:, None, None]
     found[0] = codes[0] / 255.0
-    return found
+    return np.asarray(found)
 
 
 def write_relight(
@@ -137,7 +135,7 @@ def write_relight(
     image: RelightableImage,
     *,
     suffix: Suffix = "jpg",
-    quality: int = 95,
+    quality: int = 98,
     extra: dict[str, Any] | None = None,
 ) -> None:
     """Write ``info.json`` and the planes into an existing folder.

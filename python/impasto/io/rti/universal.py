@@ -58,7 +58,7 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
     if type_ != _HSH or colours != _RGB or channels != 3 or size != 1:
         raise ArgumentError(
             f"{path}: holds RTI type {type_} of {channels} channels, colour type {colours} and "
-            f"{size} bytes per code; read is type 3 (HSH) of 3 channels, colour type 2 (RGB), 1 byte"
+            f"{size} bytes per code; read is type 3 (HSH), 3 channels, colour type 2 (RGB), 1 byte"
         )
     basis = Basis("hsh", terms)
     body = header.rest()
