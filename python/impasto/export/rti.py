@@ -7,11 +7,12 @@ Least squares over :data:`LIGHTS` lights, in display codes as the programs show 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.checks import one_of
 from impasto.encoding import Encoding
 from impasto.export.folder import beside, export_folder
 from impasto.export.loss import REPORT, LossReport, Shown, measure, written
@@ -86,7 +87,11 @@ def export_hsh(source: Source, out: Path) -> LossReport:
 
 
 def export_relight(source: Source, out: Path, *, functions: Functions = "hsh") -> LossReport:
-    """Write a folder that relight's tools and OpenLIME's RTI layer read."""
+    """Write a folder that relight's tools and OpenLIME's RTI layer read.
+
+    ``functions``: ``"hsh"``, nine hemispherical harmonics, or ``"ptm"``, a polynomial.
+    """
+    one_of(functions, get_args(Functions), "functions")
     image = relightable(source, functions, file=False)
     with export_folder(out) as folder:
         write_relight(folder, image)
