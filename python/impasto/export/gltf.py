@@ -1,6 +1,6 @@
-"""glTF 2.0 in one ``.glb``: a panel of the painting's size with the maps of a dielectric.
+"""glTF 2.0 in one ``.glb`` [@khronos-gltf]: a panel with the maps of a dielectric.
 
-Metallic-roughness with KHR_materials_ior and KHR_materials_specular (Khronos Group, ratified):
+Metallic-roughness with KHR_materials_ior and KHR_materials_specular, both ratified:
 base colour and specular colour in sRGB, normals in tangent space with y up, lengths in metres.
 """
 
@@ -44,7 +44,8 @@ KEPT = (
 )
 LOST = (
     "all but one lobe of a pixel, and its shape: facets of GGX have a wider foot",
-    "ambient light, shadows, interreflections and what photographs show besides the model",
+    "ambient light, which stands in the diffuse colour, the same for all lights",
+    "shadows, interreflections and what photographs show besides the model",
     "spectra, illuminants and adaptation: colours are those under D65",
     "reflectance head-on above 1, and colours beyond sRGB",
 )

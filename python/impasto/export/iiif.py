@@ -1,4 +1,4 @@
-"""A picture for IIIF viewers without a server: Image API 3.0, level 0, as static tiles.
+"""A picture for IIIF viewers without a server: Image API 3.0 [@iiif-image], level 0, static tiles.
 
 ``info.json``, ``full/max/0/default.jpg``, whole pictures at smaller sizes, and tiles under
 ``left,top,width,height/width,height/0/default.jpg``.

@@ -1,4 +1,4 @@
-"""A MaterialX document: ``standard_surface`` over the pictures of the painting."""
+"""A MaterialX document [@materialx]: ``standard_surface`` over the pictures of the painting."""
 
 from __future__ import annotations
 

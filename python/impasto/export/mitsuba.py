@@ -1,4 +1,4 @@
-"""A scene for Mitsuba 3: ``roughplastic`` facets of Beckmann, or Lafortune lobes by a plug-in.
+"""A scene for Mitsuba 3 [@mitsuba3]: ``roughplastic``, or Lafortune lobes by a plug-in.
 
 Torrance-Sparrow facets of half-width gamma are Beckmann's of ``alpha = gamma / sqrt(ln 2)`` for
 small angles. ``roughplastic`` has one width for the painting and a strength per pixel.
@@ -27,7 +27,8 @@ from impasto.surface import Surface
 SCENE, LOBES, PLUGIN = "scene.xml", "scene_lafortune.xml", "lafortune.py"
 LOST = (
     "the width of each pixel's lobe: roughplastic has one for the painting",
-    "ambient light, shadows, interreflections and what photographs show besides the model",
+    "ambient light, which stands in the diffuse colour, the same for all lights",
+    "shadows, interreflections and what photographs show besides the model",
     "spectra: colours are those under D65",
 )
 _EYE_MM = 1000.0

@@ -42,7 +42,8 @@ LOST = (
     "every view but the front: OpenLIME's BRDF layer has no other",
     "Fresnel's reflectance: highlights do not grow towards grazing light",
     "all but one lobe of a pixel, and its shape",
-    "ambient light, shadows and what photographs show besides the model",
+    "ambient light, which stands in the diffuse colour, the same for all lights",
+    "shadows and what photographs show besides the model",
     "highlights broader than a width of 0.5",
 )
 ILLUMINANTS: tuple[tuple[str, dict[str, Any]], ...] = (

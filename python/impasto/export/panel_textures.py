@@ -26,7 +26,8 @@ FOLDER = "textures"
 COLOUR, SHINE, ROUGHNESS, NORMAL = "colour.png", "specular.png", "roughness.png", "normal.png"
 LOST = (
     "all but one lobe of a pixel, and its shape: facets of GGX have a wider foot",
-    "ambient light, shadows, interreflections and what photographs show besides the model",
+    "ambient light, which stands in the diffuse colour, the same for all lights",
+    "shadows, interreflections and what photographs show besides the model",
     "spectra, illuminants and adaptation: colours are those under D65",
     "reflectance head-on above 1, and colours beyond sRGB",
 )

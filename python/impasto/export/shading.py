@@ -68,7 +68,7 @@ def ward(diffuse: Map, specular: Map, alpha: Map, front: Angles, ambient: float)
     """
     width = np.square(alpha.astype(np.float64))
     product = front.nl * front.nv
-    with np.errstate(divide="ignore", over="ignore", under="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
         lobe = np.exp(-front.tangent_squared / width) / (4.0 * np.pi * width * np.sqrt(product))
     lobe = np.where((product > 0.0) & (width * np.square(front.nh) >= 1e-5), lobe, 0.0)
     light = (diffuse / np.pi + specular * lobe) * front.nl + diffuse / np.pi * ambient

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.export.lobes import Distribution, OneLobe, one_lobe
+from impasto.export.loss import LIGHTS
 from impasto.export.source import Map, Source
 
 FLAT = (0.0, 0.0, 1.0)
@@ -25,7 +26,8 @@ class Textures:
         ``(3, y, x)`` unit vectors: x right, y up, z towards the viewer (the OpenGL convention);
         straight ahead where unknown.
     diffuse
-        ``(3, y, x)`` linear sRGB, 0 where unknown.
+        ``(3, y, x)`` linear sRGB, 0 where unknown; with the ambient light that formats have no
+        place for.
     lobe
         Width and strength of the highlight.
     """
@@ -45,8 +47,20 @@ def textures(source: Source, distribution: Distribution) -> Textures:
     lit = source.surface
     normal = np.array(lit.normal, dtype=np.float32)
     normal[:, ~source.known] = np.array(FLAT, np.float32)[:, None]
-    diffuse = np.where(source.known, np.maximum(lit.diffuse, 0.0), 0.0).astype(np.float32)
+    colours = lit.diffuse
+    if lit.ambient is not None:
+        colours = colours + np.float32(_diffuse_of_ambient()) * lit.ambient
+    diffuse = np.where(source.known, np.maximum(colours, 0.0), 0.0).astype(np.float32)
     return Textures(normal, diffuse, one_lobe(lit, distribution))
+
+
+def _diffuse_of_ambient() -> float:
+    """How much diffuse colour is nearest to a constant light, by least squares.
+
+    Of a flat panel under the lights from the front by which losses are measured.
+    """
+    cosine = np.sin(np.radians([elevation for _, elevation in LIGHTS]))
+    return float(cosine.sum() / np.square(cosine).sum())
 
 
 def coded_normals(normal: Map, bits: int = 8) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""A Universal Scene Description: the panel in mm with a UsdPreviewSurface, as text (``.usda``)."""
+"""A Universal Scene Description [@openusd]: the panel in mm with a UsdPreviewSurface, as text."""
 
 from __future__ import annotations
 
