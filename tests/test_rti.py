@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -25,17 +24,9 @@ from impasto.io.rti import (
 )
 from impasto.io.rti.image import dome
 from rti_decoders import Ptm, Relight, Rti, harmonics
+from rti_files import COLUMNS, ROWS, compressed, relightable
 
 LIGHT = (0.3, -0.4, 0.75**0.5)
-ROWS, COLUMNS = 5, 7
-
-
-def relightable(kind: str = "ptm", *, file: bool = True) -> RelightableImage:
-    """Every coefficient different, so that no order of rows, channels or functions is another."""
-    basis = Basis(kind, {"ptm": 6, "hsh": 9}[kind])  # type: ignore[arg-type]
-    rng = np.random.default_rng(5)
-    coefficients = rng.normal(0.3, 0.4, (basis.terms, 3, ROWS, COLUMNS)).astype(np.float32)
-    return quantised(coefficients, basis, shared=file, whole=file and kind == "ptm", pitch_mm=0.25)
 
 
 def every(decoder: Ptm | Rti | Relight, light: tuple[float, float, float]) -> np.ndarray:
@@ -157,30 +148,6 @@ def test_luminance_and_colour_are_read_and_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.colour, image.colour)
     shown = every(Ptm(tmp_path / "a.ptm"), LIGHT) / 255
     np.testing.assert_allclose(shown, image.values(LIGHT)[0], atol=3e-6)
-
-
-def compressed(path: Path, *, corrections: bytes = b"", reference: int = -1) -> np.ndarray:
-    """A JPEG_LRGB by the description: plane 1 perhaps as a difference from plane 0."""
-    rng = np.random.default_rng(3)
-    smooth = [cv2.resize(rng.integers(40, 200, (2, 2), dtype=np.uint8), (16, 8)) for _ in range(9)]
-    jpegs = [cv2.imencode(".jpg", plane, [cv2.IMWRITE_JPEG_QUALITY, 95])[1] for plane in smooth]
-    planes = np.stack([cv2.imdecode(one, cv2.IMREAD_UNCHANGED) for one in jpegs])
-    references = [-1] * 9
-    if reference >= 0:
-        references[1] = reference
-        planes[1] = planes[1] - np.uint8(128) + planes[reference]
-    patches = [0] * 9
-    patches[2] = len(corrections)
-    # Plane 1 is decoded last, after whatever it refers to.
-    order = [0, 8, 1, 2, 3, 4, 5, 6, 7]
-    body = b"".join(
-        one.tobytes() + (corrections if number == 2 else b"") for number, one in enumerate(jpegs)
-    )
-    table = ([0] * 9, [0] * 9, [0] * 9, order, references, [len(one) for one in jpegs], patches)
-    head = "PTM_1.2 \nPTM_FORMAT_JPEG_LRGB\n16 8\n1 1 1 1 1 2\n128 128 128 128 128 0\n95\n"
-    head += "".join(" ".join(map(str, line)) + "\n" for line in table)
-    path.write_bytes(head.encode() + body)
-    return planes
 
 
 def test_compressed_planes_differences_and_corrections_are_read(tmp_path: Path) -> None:

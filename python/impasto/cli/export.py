@@ -167,19 +167,49 @@ def iiif(
     _export("iiif", result, out, common, **options)
 
 
-def web(result: Result, /, *, out: Folder, quiet: Flag = False) -> None:
-    """Write a web page with impasto's viewer, which any web server shows.
+def web(
+    result: Result,
+    /,
+    *,
+    out: Folder,
+    title: str = "",
+    pitch: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Write a web page with impasto's viewer, of a painting of any size.
 
     Parameters
     ----------
+    title
+        Above the page.
+    pitch
+        Width of a pixel in mm, if the result does not contain it.
     quiet
         No progress, only errors.
     """
     from importlib import import_module
 
+    import impasto
+    from impasto.cli.maps import load_result
+    from impasto.io.results import result_file
+
     stages = Stages(quiet=quiet)
+    if pitch is not None:
+        length_mm(pitch, "pitch_mm")
+    path = result_file(result)
+    painting: Any
+    painting, reflectance = (
+        (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(result)
+    )
     with stages.warned(), stages.stage("web page") as stage:
-        import_module("impasto.viewer").write_site(result, out)
+        import_module("impasto.viewer").write_site(
+            painting,
+            out,
+            reflectance=reflectance,
+            title=title,
+            pitch_mm=pitch,
+            progress=stage.advance,
+        )
         stage.note = str(out)
 
 

@@ -55,11 +55,12 @@ def _installation() -> dict[str, Any]:
 
 
 def _facts(path: Path) -> dict[str, Any]:
+    from impasto.cli.folder import REPORT
     from impasto.io.rti import is_relightable, read_relightable
 
     if _is_session(path):
         return _session(path)
-    if is_relightable(path):
+    if is_relightable(path) and not (path / REPORT).is_file():
         return read_relightable(path).report()
     return _result(path)
 

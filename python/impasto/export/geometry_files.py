@@ -11,14 +11,21 @@ from impasto.export.folder import beside
 from impasto.export.loss import REPORT, LossReport, written
 from impasto.export.mesh import Grid, height_of, relief
 from impasto.export.source import Map, Source
-from impasto.export.textures import coded_normals, decoded_normals, textures
+from impasto.export.textures import (
+    coded_normals,
+    coded_srgb,
+    colours,
+    decoded_normals,
+    normals,
+)
 from impasto.io.files import atomic_bytes
 from impasto.io.images.read import read_image
 from impasto.io.images.write import write_exr, write_png16, write_tiff16
 
 SUFFIXES = (".exr", ".tif", ".tiff", ".stl", ".ply")
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_COLOURS = ("colours, gloss and everything else but the height",)
+_LOST = ("gloss and everything else but the height",)
+_SURFACE = ("a back: the mesh is a surface, to be closed for printing",)
 
 
 def export_height(source: Source, out: Path) -> LossReport:
@@ -49,11 +56,13 @@ def export_height(source: Source, out: Path) -> LossReport:
         else:
             measured = _ply(source, relief(source, height=height), height, path)
             kept = ("a mesh in mm, one point per pixel, with the diffuse colour in sRGB",)
-    scale = () if source.pitch_mm else ("the size: 1 mm per pixel stands in for its width",)
+    lost = _LOST + (_SURFACE if suffix in {".stl", ".ply"} else ())
+    if not source.pitch_mm:
+        lost += ("the size: 1 mm stands in for the width of a pixel",)
     report = LossReport(
         f"height {suffix}",
         kept,
-        _COLOURS + scale,
+        lost,
         files=written([out], out.parent),
         measured=measured,
     )
@@ -69,7 +78,7 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
     blue towards the viewer. Unknown pixels face the viewer. Programs must read it as data
     ("Non-Color" in Blender).
     """
-    normal = textures(source, "ggx").normal
+    normal = normals(source)
     with beside(out, ".png") as path:
         write_png16(path, coded_normals(normal, 16))
     angle = np.degrees(_angles(decoded_normals(read_image(out)), normal))
@@ -128,9 +137,7 @@ def _stl(grid: Grid, height: Map, path: Path) -> dict[str, float]:
 
 
 def _ply(source: Source, grid: Grid, height: Map, path: Path) -> dict[str, float]:
-    from impasto.export.textures import coded_srgb
-
-    colour = coded_srgb(textures(source, "ggx").diffuse).reshape(3, -1).T
+    colour = coded_srgb(colours(source)).reshape(3, -1).T
     vertex = np.dtype([("place", "<f4", 3), ("colour", "u1", 3)])
     vertices = np.zeros(len(grid.points), vertex)
     vertices["place"], vertices["colour"] = grid.points, colour

@@ -44,14 +44,23 @@ class Textures:
 
 def textures(source: Source, distribution: Distribution) -> Textures:
     """The maps of a painting, its lobes replaced by the nearest one of a distribution."""
+    return Textures(normals(source), colours(source), one_lobe(source.surface, distribution))
+
+
+def normals(source: Source) -> Map:
+    """``(3, y, x)`` unit vectors, straight ahead where unknown."""
+    found = np.array(source.surface.normal, dtype=np.float32)
+    found[:, ~source.known] = np.array(FLAT, np.float32)[:, None]
+    return found
+
+
+def colours(source: Source) -> Map:
+    """``(3, y, x)`` linear sRGB with the ambient light, 0 where unknown."""
     lit = source.surface
-    normal = np.array(lit.normal, dtype=np.float32)
-    normal[:, ~source.known] = np.array(FLAT, np.float32)[:, None]
-    colours = lit.diffuse
+    found = lit.diffuse
     if lit.ambient is not None:
-        colours = colours + np.float32(_diffuse_of_ambient()) * lit.ambient
-    diffuse = np.where(source.known, np.maximum(colours, 0.0), 0.0).astype(np.float32)
-    return Textures(normal, diffuse, one_lobe(lit, distribution))
+        found = found + np.float32(_diffuse_of_ambient()) * lit.ambient
+    return np.where(source.known, np.maximum(found, 0.0), 0.0).astype(np.float32)
 
 
 def _diffuse_of_ambient() -> float:

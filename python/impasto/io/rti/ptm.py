@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from contextlib import closing
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from impasto.io.rti.ptm_jpeg import read_jpeg_planes
 Body = Literal["rgb", "lrgb"]
 ORDER = (5, 3, 4, 0, 2, 1)
 """Where 1, u, v, u^2, u v, v^2 stand in the file."""
+LARGEST = 1e12
+"""Of scales and biases: pictures have values about 1, and those of files stay below 1e4."""
 _LONGEST = 4096
 """Bytes of one line of the header."""
 _KNOWN = {
@@ -103,9 +105,8 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
     width, height = (int(one) for one in header.numbers(2, int))
     check_pixels(path, width, height)
     scale = np.array(header.numbers(6, float))
-    bias = np.array(header.numbers(6, int))
-    if not np.isfinite(scale).all():
-        raise CorruptInputError(path, "has a scale that is no finite number")
+    bias = np.array(header.numbers(6, int), dtype=np.float64)
+    check_scales(path, scale, bias)
     luminance = _KNOWN[kind] == "lrgb"
     if "JPEG" in kind:
         planes = read_jpeg_planes(header, width, height, 9 if luminance else 18)
@@ -134,6 +135,13 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
         colour=None if colour is None else np.ascontiguousarray(colour[:, ::-1]),
         notes=notes,
     )
+
+
+def check_scales(path: Path, *numbers: NDArray[np.floating[Any]]) -> None:
+    """Refuse scales that are none: pictures are computed from them in single precision."""
+    if not all(np.isfinite(one).all() and (np.abs(one) <= LARGEST).all() for one in numbers):
+        what = "has a scale, a bias or a component that is no number, or one"
+        raise CorruptInputError(path, f"{what} beyond {LARGEST:g}")
 
 
 def check_pixels(path: Path, width: int, height: int) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.budget import check_claim
 from impasto.io.images.read import decoded_jpeg
 
 _RECORD = np.dtype([("pixel", ">u4"), ("code", "u1")])
@@ -47,6 +48,7 @@ def read_jpeg_planes(header: Numbers, width: int, height: int, count: int) -> ND
     body = header.rest()
     if min(sizes) < 0 or min(patches) < 0 or sum(sizes) + sum(patches) > len(body):
         raise CorruptInputError(path, "is truncated: the file ends inside its planes")
+    check_claim(path, count * height * width, len(body), f"{count} planes of {width} x {height}")
     planes = np.zeros((count, height, width), np.uint8)
     done = np.zeros(count, bool)
     starts = np.concatenate([[0], np.cumsum(np.add(sizes, patches))])

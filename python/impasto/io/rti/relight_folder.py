@@ -20,7 +20,7 @@ from impasto.io.images.write import write_jpeg, write_json, write_png8
 from impasto.io.json_file import read_json
 from impasto.io.rti.bases import Basis, Floats, unit_directions
 from impasto.io.rti.image import RelightableImage
-from impasto.io.rti.ptm import check_pixels
+from impasto.io.rti.ptm import check_pixels, check_scales
 
 INFO = "info.json"
 _KINDS = ("ptm", "hsh", "sh", "rbf")
@@ -67,6 +67,8 @@ def _parsed(info: Path, content: dict[str, Any]) -> RelightableImage:
     scale, bias = (np.array(material[name], dtype=np.float64) for name in ("scale", "bias"))
     if scale.shape != (count,) or bias.shape != (count,):
         raise CorruptInputError(info, f"has {scale.size} scales for {count} planes")
+    components = _components(content, material, count) if colours == "mrgb" else None
+    check_scales(info, scale, bias, *(() if components is None else (components,)))
     planes = _planes(info, suffix, (width, height), count)
     lights = content.get("lights")
     directions = None if not lights else np.array(lights, dtype=np.float64).reshape(-1, 3)
@@ -84,7 +86,7 @@ def _parsed(info: Path, content: dict[str, Any]) -> RelightableImage:
         coding="srgb" if content.get(_CODING) == "sRGB" else "linear",
         format=f"relight {kind}",
         colour=colour,
-        components=_components(content, material, count) if colours == "mrgb" else None,
+        components=components,
         lights=directions,
         pitch_mm=float(pitch) if isinstance(pitch, int | float) and pitch > 0 else None,
     )
@@ -96,16 +98,16 @@ _CODING = "coding"
 
 def _planes(info: Path, suffix: str, size: tuple[int, int], count: int) -> NDArray[np.uint8]:
     width, height = size
-    planes = np.empty((3 * -(-count // 3), height, width), np.uint8)
-    for number in range(len(planes) // 3):
+    pictures = []
+    for number in range(-(-count // 3)):
         file = info.with_name(f"plane_{number}.{suffix}")
         picture = read_image(file)
         if picture.shape != (3, height, width) or picture.dtype != np.uint8:
             raise CorruptInputError(
                 file, f"expected 3 x {height} x {width} codes of 8 bits, found {picture.shape}"
             )
-        planes[3 * number : 3 * number + 3] = picture
-    return planes[:count]
+        pictures.append(picture)
+    return np.concatenate(pictures)[:count]
 
 
 def _basis(

@@ -20,7 +20,7 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.rti.bases import Basis
 from impasto.io.rti.image import RelightableImage
-from impasto.io.rti.ptm import Header, check_pixels, shared_terms
+from impasto.io.rti.ptm import Header, check_pixels, check_scales, shared_terms
 
 _HSH, _RGB = 3, 2
 
@@ -69,9 +69,9 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
             f"is truncated: {width} x {height} pixels of {terms} functions take {expected} bytes, "
             f"{len(body)} are there",
         )
-    scale, bias = np.frombuffer(body, "<f4", 2 * terms).astype(np.float64).reshape(2, terms)
-    if not (np.isfinite(scale).all() and np.isfinite(bias).all()):
-        raise CorruptInputError(path, "has a scale or a bias that is no finite number")
+    numbers = np.frombuffer(body, "<f4", 2 * terms)
+    check_scales(path, numbers)
+    scale, bias = numbers.astype(np.float64).reshape(2, terms)
     codes = np.frombuffer(body, np.uint8, expected - 8 * terms, 8 * terms)
     planes = np.moveaxis(codes.reshape(height, width, 3, terms), (3, 2), (0, 1))
     return RelightableImage(
