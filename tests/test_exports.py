@@ -357,7 +357,7 @@ def test_materialx_and_mitsuba_name_files_that_are_there(painting: Any, tmp_path
 
 
 def test_the_programs_that_the_formats_are_for_opened_them() -> None:
-    """The record of ``oracles/exports.py``: Mitsuba 3, OpenUSD, MaterialX, the glTF validator."""
+    """The record of ``oracles/exports.py``; all of them are named there."""
     found = json.loads(opened.FILE.read_text())
     assert found["usd"]["findings"] == []
     assert found["usd"]["shader"] == "UsdPreviewSurface"
@@ -367,6 +367,11 @@ def test_the_programs_that_the_formats_are_for_opened_them() -> None:
     assert found["materialx"]["missing"] == []
     for one in found["gltf_validator"].values():
         assert (one["numErrors"], one["numWarnings"]) == (0, 0)
+    # Blender's panel stands upright: its height is along z. A just noticeable difference is 1.
+    size = [opened.COLUMNS * 5e-4, 0.0, opened.ROWS * 5e-4]
+    np.testing.assert_allclose(found["blender"]["size_m"], size, atol=1e-8)
+    assert found["blender"]["model_dE_p95"] < 1.0
+    assert found["blender"]["render_dE_p95"] < 1.5 * found["blender"]["reported_p95"]
     # Mitsuba's own tables have 64 entries; a quadrature of ours must not be told from them.
     assert found["mitsuba"]["plastic_model_difference_most"] < 0.01
     assert found["mitsuba"]["plastic_dE_p95"] < found["mitsuba"]["plastic_reported_p95"]

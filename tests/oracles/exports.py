@@ -2,14 +2,15 @@
 
     python tests/oracles/exports.py
 
-Needs mitsuba, usd-core and materialx from PyPI, node, and gltf-validator from npm in
-``node_modules`` of the current folder. ``tests/test_exports.py`` reads the numbers; it needs none
-of these.
+Needs mitsuba, usd-core and materialx from PyPI, Debian's blender and python3-numpy, node, and
+gltf-validator from npm in ``node_modules`` of the current folder. ``tests/test_exports.py`` reads
+the numbers; it needs none of these.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -107,6 +108,40 @@ def _rendered(mitsuba: Any, path: Path) -> np.ndarray:
     return np.moveaxis(picture[..., :3], -1, 0)
 
 
+def of_blender(folder: Path) -> dict[str, Any]:
+    from impasto import DistantLight, Scene, export, render
+    from impasto.colour import delta_e
+    from impasto.export.gltf import shown_by
+    from impasto.export.loss import seen
+    from impasto.io import read_image
+
+    glb, picture = folder / "blender.glb", folder / "blender.exr"
+    report = export.to("gltf", varnished(), glb)
+    command = ["blender", "-b", "--factory-startup", "--python"]
+    command += [str(FILE.with_name("exports_blender.py")), "--", str(glb), str(picture)]
+    # Its own numpy, not that of this interpreter.
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        [*command, str(COLUMNS), str(ROWS)], capture_output=True, text=True, check=True, env=own
+    )
+    version, size = done.stdout.split("IMPASTO ")[1].split()[:2]
+    theirs = seen(read_image(picture)[:3].reshape(3, -1))
+    light = (0.0, 0.5**0.5, 0.5**0.5)
+    ours = render(varnished(), Scene([DistantLight(light)], exposure=1.0)).linear
+    modelled = shown_by(glb.read_bytes(), glb)(light, None, np.arange(ROWS * COLUMNS))
+    from_model = np.percentile(delta_e(theirs, seen(modelled)), (50, 95))
+    from_render = np.percentile(delta_e(theirs, seen(ours.reshape(3, -1))), (50, 95))
+    return {
+        "version": version,
+        "size_m": [float(one) for one in size.split(",")],
+        "model_dE_p50": float(from_model[0]),
+        "model_dE_p95": float(from_model[1]),
+        "render_dE_p50": float(from_render[0]),
+        "render_dE_p95": float(from_render[1]),
+        "reported_p95": report.p95,
+    }
+
+
 def of_usd(folder: Path) -> dict[str, Any]:
     from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 
@@ -201,6 +236,7 @@ def main() -> None:
         found = {
             "command": "python tests/oracles/exports.py",
             "mitsuba": of_mitsuba(folder),
+            "blender": of_blender(folder),
             "usd": of_usd(folder),
             "materialx": of_materialx(folder),
             "gltf_validator": of_validator(folder),
