@@ -135,3 +135,49 @@ class Relight:
             coefficient = (code - material["bias"][plane]) * material["scale"][plane]
             found[plane % 3] += functions[plane // 3] * coefficient
         return found
+
+
+class OpenLime:
+    """OpenLIME's BRDF layer: four pictures, ``alphaLimits`` and ``colorspaces``."""
+
+    def __init__(self, folder: Path) -> None:
+        content = json.loads((folder / "layers.json").read_text())
+        self.brightness = content["brightness"]
+        self.layer = content["layers"]["brdf"]
+        self.pictures = {
+            name: cv2.imread(str(folder / file), cv2.IMREAD_COLOR)
+            for name, file in self.layer["channels"].items()
+        }
+
+    def shown(self, y: int, x: int, light: tuple[float, float, float]) -> list[float]:
+        """Linear red, green and blue of a lamp without fall-off."""
+
+        def colour(name: str) -> list[float]:
+            picture = self.pictures[name]
+            assert picture is not None
+            codes = [int(one) / 255 for one in picture[y, x][::-1]]
+            if self.layer["colorspaces"].get(name, "srgb") == "linear" or name in {
+                "normals",
+                "gloss",
+            }:
+                return codes
+            return [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in codes]
+
+        narrow, wide = self.layer["alphaLimits"]
+        least, greatest = 1 - wide**0.25, 1 - narrow**0.25
+        alpha = (1 - colour("gloss")[0] * (greatest - least) - least) ** 4
+        normal = [2 * one - 1 for one in colour("normals")]
+        length = math.sqrt(sum(one * one for one in normal))
+        nx, ny, nz = (one / length for one in normal)
+        half = (light[0], light[1], light[2] + 1.0)
+        size = math.sqrt(sum(one * one for one in half))
+        nh = (nx * half[0] + ny * half[1] + nz * half[2]) / size
+        nl = max(nx * light[0] + ny * light[1] + nz * light[2], 0.0)
+        lobe = 0.0
+        if nl * nz > 0.0 and (alpha * nh) ** 2 >= 1e-5:
+            tangent = math.tan(math.acos(min(nh, 1.0)))
+            lobe = math.exp(-((tangent / alpha) ** 2))
+            lobe /= 4 * math.pi * alpha**2 * math.sqrt(nl * nz)
+        ambient = self.layer["kAmbient"]
+        pairs = zip(colour("kd"), colour("ks"), strict=True)
+        return [(kd / math.pi + ks * lobe) * nl + kd / math.pi * ambient for kd, ks in pairs]

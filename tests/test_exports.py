@@ -20,7 +20,7 @@ from impasto import export, simulate
 from impasto.errors import ArgumentError
 from impasto.io import read_header, read_image
 from oracles import exports as opened
-from rti_decoders import Ptm
+from rti_decoders import OpenLime, Ptm, Relight
 
 ROWS, COLUMNS = 24, 32
 PITCH_MM = 0.5
@@ -327,6 +327,25 @@ def test_openlime_has_spectra_and_weights_for_illuminants(painting: Any, tmp_pat
         expected = impasto.render(matte, front, reflectance=painting).linear
         # JPEG moves single bands by a few codes of 255, of which 31 are averaged.
         assert np.median(np.abs(shown - expected)) < 0.01
+
+
+@pytest.mark.parametrize("light", [(0.0, 0.6, 0.8), (-0.8, 0.0, 0.6), (0.0, 0.0, 1.0)])
+def test_openlime_s_layer_shows_the_painting(
+    light: tuple[float, float, float], painting: Any, tmp_path: Path
+) -> None:
+    """A decoder of its own, times what ``brightness`` says, is the picture of impasto: gloss has
+    255 steps of the fourth root of the width, 2 % each, and colours codes of sRGB, 1 %; Fresnel's
+    reflectance, which the layer lacks, grows by less than 1 % from 0 to 25 degrees."""
+    export.to("openlime", painting, tmp_path / "a")
+    decoder = OpenLime(tmp_path / "a")
+    found = [[decoder.shown(y, x, light) for x in range(COLUMNS)] for y in range(ROWS)]
+    scale = decoder.brightness
+    shown = np.moveaxis(np.array(found), -1, 0) / scale
+    expected = impasto.render(painting, impasto.Scene([light], exposure=1.0)).linear
+    # The layer's own ambient light, 2 % of the colour; normals of 8 bits move N.L by 0.004.
+    np.testing.assert_allclose(np.median(np.abs(shown - expected)), 0.0, atol=0.01)
+    assert np.percentile(np.abs(shown - expected), 99) < 0.06
+    assert set(Relight(tmp_path / "a" / "rti").info) >= {"width", "type", "materials"}
 
 
 def test_usd_is_text_of_the_true_size(painting: Any, tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ class RelightableImage:
     scale, bias
         ``(plane,)``: a coefficient is ``scale * code + bias``; 1 is full white.
     basis
-        The functions, in the order of :meth:`Basis.values`.
+        The functions, in the order of ``Basis.values``.
     colourspace
         What the planes hold.
     coding
