@@ -421,6 +421,28 @@ def test_one_lobe_of_the_same_kind_is_found_again() -> None:
     np.testing.assert_allclose(found.peak, 5.0, rtol=0.03)
 
 
+@pytest.mark.parametrize("exponent", [20.0, 100.0, 400.0])
+def test_a_lafortune_lobe_in_the_mirror_direction_has_a_width(exponent: float) -> None:
+    """``cos^n(2 phi)`` is ``exp(-2 n phi^2)`` for small tilts: Beckmann's of ``1 / (2 n)`` squared.
+    The widths that are compared are 3 % apart; head-on the lobe shows its strength, 0.5."""
+    from impasto.export.lobes import one_lobe
+
+    normal = np.zeros((3, 1, 1))
+    normal[2] = 1.0
+    flat = np.ones((1, 1, 1))
+    specular = np.full((1, 3, 1, 1), 0.5)
+    surface = impasto.Surface.lafortune(
+        normal, np.zeros((3, 1, 1)), specular, -flat, flat, exponent * flat
+    )
+    found = one_lobe(surface, "beckmann")
+    np.testing.assert_allclose(found.alpha, np.sqrt(0.5 / exponent), rtol=0.03)
+    np.testing.assert_allclose(found.peak * found.head_on, 0.5, rtol=0.03)
+    behind = impasto.Surface.lafortune(
+        normal, np.zeros((3, 1, 1)), specular, flat, flat, exponent * flat
+    )
+    assert not one_lobe(behind, "beckmann").peak.any()  # retro-reflective: no facet does that
+
+
 def test_unknown_and_matte_pixels_have_no_lobe(tmp_path: Path) -> None:
     normal = np.zeros((3, 2, 3))
     normal[2] = 1.0
