@@ -49,6 +49,7 @@ from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs.journal import read_journal
 from impasto.jobs.record import JobRecord
+from rti_files import rti_readers
 
 SECONDS = 2.0
 """A reader of files of a few kilobytes that takes longer waits for something."""
@@ -116,7 +117,8 @@ def _peak() -> int:
 def readers(folder: Path) -> dict[str, Reader]:
     """All readers by name, with good files that are made in ``folder``."""
     small = {**_pictures(folder), **_texts(folder), **_session(folder)}
-    return {**small, **_archives(folder), **_jobs(folder), **optics(folder), **captures(folder)}
+    rest = {**_archives(folder), **_jobs(folder), **optics(folder), **captures(folder)}
+    return {**small, **rest, **rti_readers(folder)}
 
 
 def _all(folder: Path, suffix: str) -> list[bytes]:

@@ -18,7 +18,7 @@ READERS = (
     *("png", "jpeg", "tiff", "exr", "hdr", "lp", "txt", "csv", "dome", "relight", "alicevision"),
     *("camera", "spectra", "display", "report", "session", "stack", "region", "result", "learned"),
     *("record", "journal", "store", "array", "lens", "alignment", "depth", "points"),
-    *("tone", "shots", "capture"),
+    *("tone", "shots", "capture", "ptm", "rti", "relightable"),
 )
 
 

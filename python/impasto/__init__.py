@@ -148,8 +148,8 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
     def __getattr__(name: str) -> _types.ModuleType:
         """``impasto.doctor`` and other modules that are imported on first use."""
         lazy = {
-            "align", "calibrate", "capture", "doctor", "gpu", "overview", "pictures", "report",
-            "session", "simulate", "study",
+            "align", "calibrate", "capture", "doctor", "export", "gpu", "overview", "pictures",
+            "report", "session", "simulate", "study",
         }  # fmt: skip
         if name in lazy:
             return _importlib.import_module(f"{__name__}.{name}")

@@ -31,14 +31,12 @@ def info(
     ----------
     result
         The --out folder of impasto fit or demo, its report.json, an sbrdf.npz, or the .zarr of
-        impasto job run; or a session.toml; default: the installation.
+        impasto job run; a session.toml; or an RTI file (.ptm, .rti, a folder of relight); default:
+        the installation.
     json
         Print JSON for programs.
     """
-    if result is None:
-        facts = _installation()
-    else:
-        facts = _session(result) if _is_session(result) else _result(result)
+    facts = _installation() if result is None else _facts(result)
     if json:
         console.print_json(facts)
         return
@@ -54,6 +52,17 @@ def _installation() -> dict[str, Any]:
     from impasto.report import versions
 
     return versions()
+
+
+def _facts(path: Path) -> dict[str, Any]:
+    from impasto.cli.folder import REPORT
+    from impasto.io.rti import is_relightable, read_relightable
+
+    if _is_session(path):
+        return _session(path)
+    if is_relightable(path) and not (path / REPORT).is_file():
+        return read_relightable(path).report()
+    return _result(path)
 
 
 def _is_session(path: Path) -> bool:

@@ -17,6 +17,7 @@ from impasto.io.lights import LightFile, read_lights
 from impasto.io.lights.write import write_lights
 from impasto.io.notes import Note
 from impasto.io.opening import open_source
+from impasto.io.rti import RelightableImage, read_relightable
 from impasto.io.session.archive import write_stack
 from impasto.io.session.reader import read_stack
 from impasto.io.session.tone import ToneEstimate, estimate_tone
@@ -29,6 +30,7 @@ __all__ = [
     "ImageHeader",
     "LightFile",
     "Note",
+    "RelightableImage",
     "Session",
     "Source",
     "ToneEstimate",
@@ -41,6 +43,7 @@ __all__ = [
     "read_image",
     "read_labels",
     "read_lights",
+    "read_relightable",
     "read_session",
     "read_spectra",
     "read_stack",

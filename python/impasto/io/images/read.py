@@ -191,6 +191,27 @@ def _decode(header: ImageHeader, data: bytes, bands: int) -> NDArray[Any]:
     return np.moveaxis(array[..., ::-1] if bands == 3 else array[..., :1], -1, 0)
 
 
+def decoded_jpeg(path: Path, data: bytes, width: int, height: int) -> NDArray[np.uint8]:
+    """``(y, x)``: a grey JPEG inside another file, of a size that this states.
+
+    Raises
+    ------
+    CorruptInputError
+        Damaged, or of another size.
+    """
+    if not data.startswith(b"\xff\xd8"):
+        raise CorruptInputError(path, "is damaged: a plane is no JPEG")
+    header = jpeg_header(path, data)
+    if (header.width, header.height, header.channels) != (width, height, 1):
+        raise CorruptInputError(
+            path,
+            f"is damaged: a plane has {header.width} x {header.height} pixels of "
+            f"{header.channels} channels, expected {width} x {height} of 1",
+        )
+    found: NDArray[np.uint8] = np.array(_decode(header, data, 1)[0])
+    return found
+
+
 def list_images(folder: Path) -> list[Path]:
     """The pictures of a folder in natural order: photo2 before photo10.
 

@@ -1,0 +1,250 @@
+"""``impasto export``: a fitted painting in the formats of other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, Parameter
+
+from impasto._internal.checks import length_mm
+from impasto.cli import console
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag, OneDirection, SomeWhole
+from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.export import Format
+
+Result = Annotated[Path, Parameter(name=["RESULT"], help=(
+    "The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run."
+))]  # fmt: skip
+Folder = Annotated[Path, Parameter(help="A new folder, or one that an export wrote.")]
+Displaced = Annotated[bool, Parameter(negative="", show_default=False, help=(
+    "A mesh of the relief, one point per pixel, instead of a flat panel."
+))]  # fmt: skip
+FORMATS = {
+    "web": "A web page with impasto's viewer.",
+    "openlime": "A folder of layers for the viewer OpenLIME.",
+    "relight": "A folder for relight's tools and RTI viewers.",
+    "ptm": "A polynomial texture map (.ptm).",
+    "hsh": "Hemispherical harmonics (.rti).",
+    "gltf": "glTF 2.0 (.glb), for 3-D viewers and Blender.",
+    "materialx": "A MaterialX document.",
+    "usd": "A Universal Scene Description (.usda).",
+    "mitsuba": "A scene for the renderer Mitsuba 3.",
+    "height": "The height: .exr, .tif, .stl or .ply.",
+    "normal-map": "A 16-bit normal map for Blender (.png).",
+    "iiif": "Tiles of a picture for IIIF viewers.",
+}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """Options of all formats."""
+
+    region: Annotated[
+        tuple[int, int, int, int] | None, Parameter(metavar="TOP LEFT HEIGHT WIDTH", negative="")
+    ] = None
+    """A detail, in pixels."""
+
+    width: SomeWhole = None
+    """Of a .zarr of impasto job run, the smaller scale that has so many columns."""
+
+    pitch: float | None = None
+    """Width of a pixel in mm, if the result does not contain it."""
+
+    json: Flag = False
+    """Print the report of what is lost as JSON."""
+
+    quiet: Flag = False
+    """No progress, only errors."""
+
+
+def application() -> App:
+    """The commands below ``impasto export``."""
+    app = App(name="export", help="Write a fitted painting in a format of other programs.")
+    for name, words in FORMATS.items():
+        app.command(f"impasto.cli.export:{name.replace('-', '_')}", name=name, help=words)
+    return app
+
+
+def ptm(result: Result, /, *, out: Path, common: Common | None = None) -> None:
+    """Write a polynomial texture map (.ptm) for RTI viewers."""
+    _export("ptm", result, out, common)
+
+
+def hsh(result: Result, /, *, out: Path, common: Common | None = None) -> None:
+    """Write hemispherical harmonics (.rti) for RTI viewers."""
+    _export("hsh", result, out, common)
+
+
+def relight(
+    result: Result,
+    /,
+    *,
+    out: Folder,
+    functions: Literal["hsh", "ptm"] = "hsh",
+    common: Common | None = None,
+) -> None:
+    """Write a folder for relight's tools and OpenLIME's RTI layer.
+
+    Parameters
+    ----------
+    functions
+        Hemispherical harmonics, or a polynomial.
+    """
+    _export("relight", result, out, common, functions=functions)
+
+
+def openlime(result: Result, /, *, out: Folder, common: Common | None = None) -> None:
+    """Write layers for the viewer OpenLIME: BRDF, RTI and, of spectra, multispectral."""
+    _export("openlime", result, out, common)
+
+
+def gltf(
+    result: Result, /, *, out: Path, displaced: Displaced = False, common: Common | None = None
+) -> None:
+    """Write glTF 2.0 (.glb): a panel of the painting's size, for 3-D viewers and Blender."""
+    _export("gltf", result, out, common, displaced=displaced)
+
+
+def materialx(result: Result, /, *, out: Folder, common: Common | None = None) -> None:
+    """Write a MaterialX document (standard_surface) with its textures."""
+    _export("materialx", result, out, common)
+
+
+def usd(
+    result: Result, /, *, out: Folder, displaced: Displaced = False, common: Common | None = None
+) -> None:
+    """Write a Universal Scene Description (.usda, UsdPreviewSurface) with its textures."""
+    _export("usd", result, out, common, displaced=displaced)
+
+
+def mitsuba(result: Result, /, *, out: Folder, common: Common | None = None) -> None:
+    """Write a scene for the renderer Mitsuba 3, with a plug-in for Lafortune lobes."""
+    _export("mitsuba", result, out, common)
+
+
+def height(result: Result, /, *, out: Path, common: Common | None = None) -> None:
+    """Write the height in mm: .exr, .tif (16 bits), or a mesh in .stl or .ply."""
+    _export("height", result, out, common)
+
+
+def normal_map(result: Result, /, *, out: Path, common: Common | None = None) -> None:
+    """Write a 16-bit normal map (.png): red right, green up (OpenGL), blue to the viewer."""
+    _export("normal-map", result, out, common)
+
+
+def iiif(
+    result: Result,
+    /,
+    *,
+    out: Folder,
+    url: str | None = None,
+    light: OneDirection = None,
+    quality: int = 97,
+    common: Common | None = None,
+) -> None:
+    """Write tiles of a picture for IIIF viewers (Image API 3.0, level 0: no server).
+
+    Parameters
+    ----------
+    url
+        Where the folder will be served: the id in info.json.
+    light
+        Azimuth,elevation of the lamp in degrees; default: 90,45.
+    quality
+        Of the JPEGs, 1 to 100.
+    """
+    import impasto
+
+    options: dict[str, Any] = {"url": url, "quality": quality}
+    if light is not None:
+        options["scene"] = impasto.Scene([impasto.DistantLight(light.direction)])
+    _export("iiif", result, out, common, **options)
+
+
+def web(
+    result: Result,
+    /,
+    *,
+    out: Folder,
+    title: str = "",
+    pitch: float | None = None,
+    quiet: Flag = False,
+) -> None:
+    """Write a web page with impasto's viewer, of a painting of any size.
+
+    Parameters
+    ----------
+    title
+        Above the page.
+    pitch
+        Width of a pixel in mm, if the result does not contain it.
+    quiet
+        No progress, only errors.
+    """
+    from importlib import import_module
+
+    import impasto
+    from impasto.cli.maps import load_result
+    from impasto.io.results import result_file
+
+    stages = Stages(quiet=quiet)
+    if pitch is not None:
+        length_mm(pitch, "pitch_mm")
+    path = result_file(result)
+    painting: Any
+    painting, reflectance = (
+        (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(result)
+    )
+    with stages.warned(), stages.stage("web page") as stage:
+        import_module("impasto.viewer").write_site(
+            painting,
+            out,
+            reflectance=reflectance,
+            title=title,
+            pitch_mm=pitch,
+            progress=stage.advance,
+        )
+        stage.note = str(out)
+
+
+def _export(
+    format_: Format, result: Path, out: Path, common: Common | None, **options: Any
+) -> None:
+    """Load the part of a result, write it and report what is lost."""
+    from impasto import export
+    from impasto.cli.scale import shown
+
+    common = common or Common()
+    stages = Stages(quiet=common.quiet)
+    if common.pitch is not None:
+        length_mm(common.pitch, "pitch_mm")
+    part = shown(result, common.region, common.width, 1)
+    if part.in_parts or part.reduce != 1:
+        rows, columns = part.surface.shape
+        raise ArgumentError(
+            f"--width: {result} ({columns} x {rows} pixels) is exported whole, or at a scale that "
+            "its .zarr holds, of 16 million pixels at most; give --region for a detail"
+        )
+    with stages.warned(), stages.stage(format_) as stage:
+        report = export.to(
+            format_,
+            part.surface,
+            out,
+            reflectance=part.reflectance,
+            pitch_mm=None if common.pitch is None else part.factor * common.pitch,
+            name=result.resolve().stem,
+            **options,
+        )
+        stage.note = f"{out}: {report.summary}"
+    if common.json:
+        console.print_json(report.to_dict())
+        return
+    for words, entries in (("kept", report.kept), ("lost", report.lost)):
+        for index, entry in enumerate(entries):
+            stages.say(f"  {words if index == 0 else '':14}[dim]{entry}[/]")

@@ -1,0 +1,46 @@
+"""Where exports go: files and folders that appear whole, and replace only what impasto wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from impasto.errors import ArgumentError
+from impasto.export.loss import REPORT
+from impasto.io.folders import new_folder
+
+
+@contextmanager
+def export_folder(out: Path) -> Iterator[Path]:
+    """A folder whose files become ``out`` if the block ends without an error.
+
+    Raises
+    ------
+    ArgumentError
+        ``out`` is a file, or holds files that no export wrote.
+    """
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
+        raise ArgumentError(f"out: {out} is a file or a link; give the name of a new folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / REPORT).is_file():
+        raise ArgumentError(
+            f"out: {out} holds files that no export of impasto wrote; give the name of a new folder"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with new_folder(out) as folder:
+        yield folder
+
+
+@contextmanager
+def beside(out: Path, *suffixes: str) -> Iterator[Path]:
+    """The file to write, with the suffix of its format.
+
+    Raises
+    ------
+    ArgumentError
+        Another suffix.
+    """
+    if out.suffix.lower() not in suffixes:
+        raise ArgumentError(f"out: expected a name ending in {' or '.join(suffixes)}, found {out}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    yield out

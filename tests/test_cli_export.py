@@ -1,0 +1,128 @@
+"""``impasto export`` and ``impasto rti`` on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import complaint
+from impasto import simulate
+from impasto.cli import main
+from impasto.io import read_image, read_relightable, read_stack
+
+ROWS, COLUMNS = 20, 24
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fit of the RGB camera's system, with the width of a pixel."""
+    from impasto import systems
+
+    path = tmp_path_factory.mktemp("fit") / "sbrdf.npz"
+    capture = simulate.default_capture("tominaga-rgb-camera", size=(ROWS, COLUMNS))
+    system = systems.get("tominaga-rgb-camera")
+    stack = system.prepared(capture.stack)
+    system.fit_sbrdf(stack, system.fit_normals(stack)).save(path)
+    return path
+
+
+def test_a_fit_becomes_files_and_says_what_is_lost(
+    result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "a.glb"
+    assert main(["export", "gltf", str(result), "--out", str(out), "--displaced"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "dE00" in said
+    assert "lost all but one lobe" in said
+    assert out.read_bytes().startswith(b"glTF")
+    assert (tmp_path / "a.glb.loss.json").is_file()
+
+
+def test_a_detail_as_json(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.rti"
+    words = ["export", "hsh", str(result), "--out", str(out), "--region", "2", "3", "8", "10"]
+    assert main([*words, "--json", "--quiet"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["format"] == "HSH"
+    assert report["files"][0][0] == "a.rti"
+    assert read_relightable(out).shape == (8, 10)
+
+
+@pytest.mark.parametrize(
+    ("words", "files"),
+    [
+        (["openlime"], ["layers.json", "kd.png", "rti/info.json"]),
+        (["relight", "--functions", "ptm"], ["info.json", "plane_5.jpg"]),
+        (["iiif", "--light", "180,20", "--url", "https://museum.example/x"], ["info.json"]),
+        (["usd"], ["painting.usda", "textures/normal.png"]),
+        (["materialx"], ["painting.mtlx"]),
+        (["mitsuba"], ["scene.xml"]),
+    ],
+)
+def test_folders(words: list[str], files: list[str], result: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["export", words[0], str(result), "--out", str(out), *words[1:], "--quiet"]) == 0
+    assert [name for name in files if not (out / name).is_file()] == []
+    assert json.loads((out / "loss.json").read_text())["kind"] == "impasto loss"
+
+
+def test_the_web_page_is_the_viewer_s(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the viewer writes: it gets the result, the folder and the options."""
+    import sys
+    from types import ModuleType
+
+    given: dict[str, object] = {}
+
+    def write_site(painting: object, folder: Path, **options: object) -> None:
+        given.update(options, painting=painting, folder=folder)
+
+    viewer = ModuleType("impasto.viewer")
+    viewer.write_site = write_site  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "impasto.viewer", viewer)
+    words = ["export", "web", str(result), "--out", str(tmp_path / "w"), "--title", "Icon"]
+    assert main([*words, "--pitch", "0.5", "--quiet"]) == 0
+    assert type(given["painting"]).__name__ == "PooledSbrdf"
+    assert given["folder"] == tmp_path / "w"
+    assert (given["title"], given["pitch_mm"], given["reflectance"]) == ("Icon", 0.5, None)
+
+
+def test_wrong_uses(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    export = ["export", "usd", str(result), "--out"]
+    assert "no export of impasto wrote" in complaint([*export, str(tmp_path)], 1, capsys)
+    assert "--pitch" in complaint([*export, str(tmp_path / "a"), "--pitch", "-1"], 1, capsys)
+    words = ["export", "gltf", str(result), "--out", str(tmp_path / "a.obj")]
+    assert "--out" in complaint(words, 1, capsys)
+    missing = str(tmp_path / "none")
+    assert "does not exist" in complaint(["export", "ptm", missing, "--out", "a.ptm"], 1, capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
+def test_an_old_file_is_described_shown_and_made_photographs(
+    result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = tmp_path / "a.ptm"
+    assert main(["export", "ptm", str(result), "--out", str(old), "--quiet"]) == 0
+    assert main(["info", str(old)]) == 0
+    said = capsys.readouterr().out
+    assert "PTM_FORMAT_RGB" in said
+    assert f"{COLUMNS} x {ROWS} pixels" in said
+    picture = tmp_path / "a.png"
+    assert main(["rti", "render", str(old), "--out", str(picture), "--light", "0,45"]) == 0
+    light = (0.5**0.5, 0.0, 0.5**0.5)
+    shown = np.moveaxis(read_relightable(old).display(light), -1, 0)
+    np.testing.assert_array_equal(read_image(picture), shown)
+    stack = tmp_path / "a.npz"
+    assert main(["rti", "photographs", str(old), "--out", str(stack)]) == 0
+    found = read_stack(stack)
+    assert found.samples.shape == (40, 3, ROWS, COLUMNS)
+    capsys.readouterr()
+    words = ["rti", "render", str(old), "--out", str(tmp_path / "a.gif")]
+    assert "--out" in complaint(words, 1, capsys)
+    old.write_bytes(old.read_bytes()[:200])
+    assert "truncated" in complaint(["info", str(old)], 3, capsys)
