@@ -18,7 +18,7 @@ from impasto.calibrate import (
     lights_from_balls,
     read_balls,
 )
-from impasto.calibrate.student import upper_tail
+from impasto._internal.student import upper_tail
 from impasto.cli import main
 from impasto.errors import ArgumentError
 from impasto.io import read_lights

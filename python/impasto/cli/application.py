@@ -19,8 +19,8 @@ from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|again|ball|bands|camera|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
-    "estimator|exposure|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
+    "adaptation|after|again|align|alpha|ball|bands|before|camera|cells|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
+    "estimator|exposure|exposure_sigma|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
     "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
     "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
 )
@@ -55,6 +55,7 @@ def application() -> App:
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")
+    app.command("impasto.cli.compare:compare", help="Show what changed between two states.")
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")
