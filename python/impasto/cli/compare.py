@@ -34,7 +34,7 @@ def compare(
     align: Align = "found",
     exposure: Exposure = "measured",
     illuminant: str = "D65",
-    camera: tuple[str, ...] = (),
+    camera: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
     alpha: float = 0.001,
     exposure_sigma: float = 0.01,
     cells: Whole = 8,

@@ -20,7 +20,7 @@ from impasto.merge.resampling import REACH, Samples
 
 Planes = NDArray[np.float64]
 
-DIVISION = 3.0
+DIVISION = 2.0
 """Where the number of lobes differs, light is divided otherwise between lobes and diffuse part: so
 many times larger are errors there, measured on paintings that had not changed."""
 
