@@ -141,12 +141,14 @@ def _written(
             stage.note = f"{found.shape[1]} x {found.shape[0]} pixels"
         with stages.stage("write", str(out)):
             write_png8(folder / PICTURE, np.moveaxis(found.picture(), -1, 0))
-            told = {name: value for name, value in options.items() if name != "regions"}
-            told["camera"] = [None if one is None else list(one.bands) for one in told["camera"]]
+            recorded = {name: value for name, value in options.items() if name != "regions"}
+            recorded["camera"] = [
+                None if one is None else list(one.bands) for one in recorded["camera"]
+            ]
             content = report(
                 "compare",
                 inputs=[path for path in inputs if path.is_file()],
-                options=told | {"before": inputs[0], "after": inputs[1]},
+                options=recorded | {"before": inputs[0], "after": inputs[1]},
                 results=found.to_dict(),
                 timings=stages.timings,
                 folder=folder,

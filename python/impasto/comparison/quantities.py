@@ -128,8 +128,8 @@ def resampled(own: Quantities, samples: Samples, alignment: Alignment) -> Quanti
     tilts, tints = between["normal"].sum(axis=0), between["diffuse"].mean(axis=0)
     found["sigma"] = np.hypot(found["sigma"], BETWEEN * np.sqrt(tilts))
     found["noise"] = np.hypot(found["noise"], BETWEEN * np.sqrt(tints))
-    turned = alignment.turn @ found["normal"]
-    found["normal"] = turned / np.linalg.norm(turned, axis=0)
+    rotated = alignment.turn @ found["normal"]
+    found["normal"] = rotated / np.linalg.norm(rotated, axis=0)
     found["diffuse"] = found["diffuse"] * alignment.gain[:, None]
     return Quantities(**found)
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.html import table, thumbnail
 from impasto.comparison.entries import Area, ComparisonMaps, GlossChange, Quantity, Registration
 from impasto.comparison.overview import Overview
 from impasto.comparison.picture import comparison_picture
@@ -113,6 +112,10 @@ class Comparison:
             self.overview, self.names, self.quantities, self.compared, self.illuminant
         )
 
+    def rows(self) -> dict[str, object]:
+        """The table in short: a name and a sentence each."""
+        return table_rows(self.quantities, self.compared, self.alpha)
+
     def __str__(self) -> str:
         return as_text(
             self.names,
@@ -132,11 +135,9 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: the table and small pictures."""
-        pictures = {
-            "before": thumbnail(self.overview.before),
-            "after": thumbnail(self.overview.after),
-        }
-        return table("Comparison", table_rows(self.quantities, self.compared, self.alpha), pictures)
+        from impasto.notebook import comparison_view
+
+        return comparison_view(self)
 
 
 def from_dict(
