@@ -13,16 +13,16 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, capture, console, edit, job, session
+from impasto.cli import calibrate, capture, console, edit, experiment, job, session
 from impasto.cli.codes import Exit
 from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|after|again|align|alpha|ball|bands|before|camera|cells|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
-    "estimator|exposure|exposure_sigma|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
+    "adapt_seconds|adaptation|after|again|align|alpha|ball|bands|before|camera|cells|card|circles|confidence|corners|dark|darks|data|degrees|diameter_mm|display|encoding|environment|"
+    "estimator|exposure|exposure_sigma|focal_mm|illuminant|images|index|intensities|into|lights|lobes|log|logs|markers|mask|memory|method|observer|"
     "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
-    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
+    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|trials|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 
@@ -51,6 +51,7 @@ def application() -> App:
     app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
     app.command(edit.application())
+    app.command(experiment.application())
     app.command("impasto.cli.rehearse:rehearse", help="Rehearse a session on a simulation.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
