@@ -322,6 +322,14 @@ def test_six_bands_and_three_have_colours_through_their_cameras() -> None:
     one = impasto.compare(fits[0], fits[1], align="same", camera=cameras, illuminant="A")
     assert one.illuminant == "under A"
     assert one.quantity("colour").median < 2.5
+    spectra = (
+        impasto.fit_reflectance(None, fits[0], cameras[0]),
+        impasto.fit_reflectance(None, fits[1], cameras[1]),
+    )
+    two = impasto.compare(fits[0], fits[1], align="same", reflectance=spectra, illuminant="A")
+    assert two.quantity("colour").median < 2.5
+    with pytest.raises(ArgumentError, match="reflectance: expected a pair"):
+        impasto.compare(fits[0], fits[1], align="same", reflectance=spectra[0])
     bare = impasto.compare(fits[0], fits[1], align="same")
     assert bare.illuminant.startswith("not compared: 6 bands")
     with pytest.raises(ArgumentError, match=r"illuminant: A needs spectra"):
@@ -381,6 +389,9 @@ def test_the_command_writes_a_picture_maps_and_a_report(
     assert {entry["file"] for entry in report["outputs"]} == {"comparison.npz", "comparison.png"}
     picture = cv2.imread(str(out / "comparison.png"))
     assert picture.shape[1] > 1200
+    # An earlier comparison is replaced, as every result is.
+    assert main(["compare", *names, *words, "--quiet"]) == 0
+    assert "gloss, ratio of beta" in capsys.readouterr().out
     assert main(["compare", *names, "--align", "same", "--quiet"]) == 0
     assert "gloss, ratio of beta" in capsys.readouterr().out
 

@@ -65,6 +65,7 @@ def compare(
         Light of the colour differences: D65, A, 3000K ...; without --camera D65.
     camera
         File of the camera, or srgb, for colours from spectra; given twice: before and after.
+        Default: the spectra of both results, if both have them.
     alpha
         Probability that a quantity of an unchanged pixel is marked.
     exposure_sigma
@@ -88,6 +89,7 @@ def compare(
     stages = Stages(quiet=quiet)
     with stages.stage("read") as stage:
         paintings = [_painting(path, stages) for path in (before, after)]
+        spectra = tuple(map(_spectra, (before, after)))
         cameras = _cameras(camera)
         labels = None if regions is None else _regions(regions)
         stage.note = f"{before} and {after}"
@@ -96,6 +98,7 @@ def compare(
         "exposure": exposure,
         "illuminant": illuminant,
         "camera": cameras,
+        "reflectance": None if camera or None in spectra else spectra,
         "alpha": alpha,
         "exposure_sigma": exposure_sigma,
         "cells": cells,
@@ -125,11 +128,13 @@ def _written(
 ) -> Comparison:
     import impasto
     from impasto.cli.folder import REPORT, result_folder
-    from impasto.fit.stored import StoredSbrdf
     from impasto.io import write_png8
+    from impasto.io.results import result_file
     from impasto.report import report, write_report
 
-    stored = isinstance(paintings[0], StoredSbrdf) and not options["height"]
+    first = paintings[0]
+    stored = isinstance(first, Path) and result_file(first).suffix.lower() == ".zarr"
+    stored = stored and not options["height"]
     with result_folder(out, inputs=inputs, force=force) as folder:
         with stages.stage("compare", "registering") as stage:
             target = folder / STORE if stored else None
@@ -141,7 +146,8 @@ def _written(
             stage.note = f"{found.shape[1]} x {found.shape[0]} pixels"
         with stages.stage("write", str(out)):
             write_png8(folder / PICTURE, np.moveaxis(found.picture(), -1, 0))
-            recorded = {name: value for name, value in options.items() if name != "regions"}
+            left = ("regions", "reflectance")
+            recorded = {name: value for name, value in options.items() if name not in left}
             recorded["camera"] = [
                 None if one is None else list(one.bands) for one in recorded["camera"]
             ]
@@ -158,15 +164,13 @@ def _written(
 
 
 def _painting(path: Path, stages: Stages) -> Any:
-    """A result as it is, or photographs, fitted."""
+    """The path of a result, or photographs, fitted."""
     import impasto
     from impasto.io.results import STORES, result_file
 
     target = result_file(path)
-    if target.suffix.lower() == ".zarr":
-        return impasto.open_sbrdf(target)
-    if target.suffix.lower() in STORES and target.is_file():
-        return impasto.load_sbrdf(target)
+    if target.suffix.lower() == ".zarr" or (target.suffix.lower() in STORES and target.is_file()):
+        return path
     if path.is_dir() or path.suffix.lower() in {".lp", ".toml"}:
         if path.is_dir() and not any(path.iterdir()):
             raise ArgumentError(f"{path} is empty: expected a result or photographs")
@@ -179,6 +183,15 @@ def _painting(path: Path, stages: Stages) -> Any:
         f"{path} {what}: expected the --out folder of impasto fit, its .npz, the .zarr of impasto "
         "job run, or a folder of photographs"
     )
+
+
+def _spectra(path: Path) -> Any:
+    """The spectra of a result folder; None: it has none."""
+    import impasto
+    from impasto.cli.maps import SPECTRA
+
+    file = path / SPECTRA
+    return impasto.Reflectance.load(file) if file.is_file() else None
 
 
 def _cameras(names: tuple[str, ...]) -> tuple[Any, Any]:

@@ -17,7 +17,7 @@ from impasto._internal.checks import is_whole, number, one_of, truth
 from impasto._internal.damage import DAMAGE
 from impasto.bands import Camera
 from impasto.colour.illuminants import Illuminant
-from impasto.comparison.colours import colours_of
+from impasto.comparison.colours import Spectra, colours_of
 from impasto.comparison.entries import ComparisonMaps, GlossChange
 from impasto.comparison.overview import Overview, OverviewSums
 from impasto.comparison.registration import Align, Exposure, aligned
@@ -27,6 +27,7 @@ from impasto.comparison.summary import Summary
 from impasto.comparison.tiles import Comparer
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.fit.pooled import PooledSbrdf
+from impasto.fit.reflectance import Reflectance
 from impasto.fit.result import Sbrdf
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.fit.stored import StoredSbrdf
@@ -56,6 +57,7 @@ def compare(
     exposure: Exposure = "measured",
     illuminant: Illuminant = "D65",
     camera: Camera | tuple[Camera | None, Camera | None] | None = None,
+    reflectance: tuple[Reflectance | None, Reflectance | None] | None = None,
     alpha: float = 0.001,
     exposure_sigma: float = 0.01,
     cells: int = 8,
@@ -86,12 +88,14 @@ def compare(
         ``"measured"``: colours as the white boards have them; ``"matched"``: one gain per band
         takes off what most of the painting has in common.
     illuminant
-        The light of the colour differences; without ``camera`` D65, under which three bands are
+        The light of the colour differences; without spectra D65, under which three bands are
         linear sRGB.
     camera
         The camera of both, or a pair, for spectra (Wiener) and so for any bands and illuminant.
-        Bands without a camera that are neither three nor one have no colours: only normals and
+        Bands without either that are neither three nor one have no colours: only normals and
         gloss are compared, and ``illuminant`` of the result says so.
+    reflectance
+        Instead, a pair of what :func:`impasto.fit_reflectance` found of results in memory.
     alpha
         The probability that a quantity of an unchanged pixel is marked: 0.001 of all pixels are.
     exposure_sigma
@@ -137,7 +141,8 @@ def compare(
     frames = (_frame(before, "before"), _frame(after, "after"))
     labels = None if regions is None else _labels(regions, frames[0].shape)
     cameras = _cameras(camera)
-    colours = colours_of((frames[0].bands, frames[1].bands), cameras, illuminant)
+    spectra = _spectra(reflectance, frames)
+    colours = colours_of((frames[0].bands, frames[1].bands), cameras, illuminant, spectra)
     placed = aligned(frames, align, exposure)
     comparer = Comparer(*frames, placed, colours, level, spread)
     shape = frames[0].shape
@@ -230,6 +235,26 @@ def _cameras(camera: Any) -> tuple[Camera | None, Camera | None]:
             f"camera: expected an impasto.Camera, a pair of them or None, found {camera!r}"
         )
     return pair[0], pair[1]
+
+
+def _spectra(
+    reflectance: Any, frames: tuple[Frame, Frame]
+) -> tuple[Spectra | None, Spectra | None]:
+    pair = (None, None) if reflectance is None else reflectance
+    fine = isinstance(pair, tuple) and len(pair) == 2
+    if not fine or not all(one is None or isinstance(one, Reflectance) for one in pair):
+        raise ArgumentError(
+            "reflectance: expected a pair of what impasto.fit_reflectance returns or None, found "
+            f"{reflectance!r}"
+        )
+    found: list[Spectra | None] = []
+    for one, frame in zip(pair, frames, strict=True):
+        if one is not None and isinstance(frame.result, StoredSbrdf):
+            raise ArgumentError(
+                f"reflectance: {frame.name} is a store, whose colours come from camera="
+            )
+        found.append(None if one is None else (frame.result.diffuse, one))  # type: ignore[union-attr]
+    return found[0], found[1]
 
 
 def _labels(regions: ArrayLike, shape: tuple[int, int]) -> NDArray[np.int64]:

@@ -92,8 +92,9 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; what is not known is None."""
-        names = ("shape", "names", "alpha", "illuminant", "compared")
+        names = ("names", "alpha", "illuminant", "compared")
         content: dict[str, Any] = {name: getattr(self, name) for name in names}
+        content["size"] = self.shape
         content["registration"] = asdict(self.registration)
         content["gloss"] = asdict(self.gloss)
         content["quantities"] = [asdict(one) for one in self.quantities]
@@ -146,7 +147,7 @@ def from_dict(
     """A comparison from the numbers of :meth:`Comparison.to_dict`."""
     place = content["registration"]
     return Comparison(
-        shape=_pair(content["shape"]),
+        shape=_pair(content["size"]),
         names=_pair(content["names"]),
         registration=Registration(
             linear=(_pair(place["linear"][0]), _pair(place["linear"][1])),

@@ -96,10 +96,10 @@ class Matching:
     def __str__(self) -> str:
         low, high = self.interval
         lines = [
-            f"d = {self.degree:.3f}, {100 * self.confidence:.0f} % interval {low:.3f} to "
-            f"{high:.3f} over {self.over}; the paper's observers: {PAPER}",
-            f"{len(self.observers)} observers, {len(self.choices)} choices; standard deviation "
-            f"between observers {self.between:.3f}, within one {self.within:.3f}",
+            f"d = {self.degree:.3f}, {100 * self.confidence:.0f} % interval {_said(low)} to "
+            f"{_said(high)} over {self.over}; the paper's observers: {PAPER}",
+            f"observers: {len(self.observers)}, choices: {len(self.choices)}; standard deviation "
+            f"between observers {_said(self.between)}, within one {_said(self.within)}",
         ]
         if len(self.paintings) > 1:
             each = ", ".join(f"{name} {mean:.3f}" for name, mean in self.paintings.items())
@@ -203,6 +203,10 @@ def analyse(
             if len(log.choices) < log.trials
         ),
     )
+
+
+def _said(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else "unknown"
 
 
 def _interval(sample: Sequence[float], confidence: float) -> tuple[float, float]:

@@ -53,7 +53,7 @@ def matching_picture(
         words = f"mean {mean:.2f}, 95 % interval {interval[0]:.2f} to {interval[1]:.2f}"
     else:
         words = f"mean {mean:.2f}"
-    draw_text(picture, f"{words}; {len(observers)} observers, {len(choices)} choices", (40, 78),
+    draw_text(picture, f"{words}; observers: {len(observers)}, choices: {len(choices)}", (40, 78),
               15, FAINT)  # fmt: skip
     for tenth in range(11):
         at = column(tenth / 10)
