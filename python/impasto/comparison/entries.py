@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from impasto.fit.saved import over
 from impasto.io.results import SavedMaps
 
+RATIOS = 0.1, 10.0
+"""Ratios of beta beyond these count as these in means and pictures: 0 where a lobe is gone,
+infinity where it is new."""
+
 
 class Compared(IntEnum):
     """Whether a pixel could be compared, and why not; below 16 its maps have numbers."""
@@ -130,8 +134,8 @@ class Area:
     pixels
         Pixels that were compared.
     normal, colour, gloss
-        Means of the angle (degrees) and of dE00, and the median-like geometric mean of the ratio
-        of beta; NaN where nothing is known.
+        Means of the angle (degrees) and of dE00, and the geometric mean of the ratio of beta, each
+        within 0.1 to 10; NaN where nothing is known.
     changed
         Shares of compared pixels whose normal, colour and gloss changed significantly.
     """

@@ -36,7 +36,7 @@ class Overview:
     delta_e
         ``(1, y, x)`` CIEDE2000.
     log_beta_ratio
-        ``(1, y, x)`` mean natural logarithm of the ratio of beta, where both have lobes.
+        ``(1, y, x)`` mean natural logarithm of the ratio of beta, each within 0.1 to 10.
     changed
         ``(3, y, x)`` shares of compared pixels with a significant change of normal, colour, gloss.
     compared

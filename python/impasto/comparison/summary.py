@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.windows import Window
-from impasto.comparison.entries import Area, Changed, Compared, Quantity
+from impasto.comparison.entries import RATIOS, Area, Changed, Compared, Quantity
 from impasto.comparison.tiles import Tile
 
 Floats = NDArray[np.float64]
@@ -109,13 +109,13 @@ class Summary:
             np.minimum.at(self._boxes[:, axis], place, plane[own])
             np.maximum.at(self._boxes[:, 2 + axis], place, plane[own] + 1)
         beta = values["gloss"]
-        lobed = fine & np.isfinite(beta) & (beta > 0.0)
+        lobed = fine & ~np.isnan(beta)
         coloured = fine & np.isfinite(values["colour"])
         with np.errstate(divide="ignore", invalid="ignore"):
             planes = (
                 fine, np.where(fine, values["normal"], 0.0),
                 coloured, np.where(coloured, values["colour"], 0.0),
-                lobed, np.where(lobed, np.log(np.where(lobed, beta, 1.0)), 0.0),
+                lobed, np.where(lobed, np.log(np.clip(beta, *RATIOS)), 0.0),
                 *((fine & ((changed & flag) > 0)) for flag in Changed),
             )  # fmt: skip
         for row, plane in zip(self._sums, planes, strict=True):

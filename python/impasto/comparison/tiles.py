@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from impasto._internal.windows import Window, widened, within
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.comparison.colours import Colours
-from impasto.comparison.entries import Changed, Compared
+from impasto.comparison.entries import RATIOS, Changed, Compared
 from impasto.comparison.quantities import Quantities, per_pixel, quantities_of, resampled
 from impasto.comparison.registration import Alignment
 from impasto.comparison.significance import criticals, squares
@@ -220,7 +220,6 @@ class Comparer:
     ) -> dict[str, NDArray[Any]]:
         fine = maps["status"] < Compared.OUTSIDE
         ratio = maps["beta_ratio"]
-        known = np.isfinite(ratio) & (ratio > 0.0)
         marks = [np.where(fine, (maps["changed"] & flag) > 0, np.nan) for flag in Changed]
         pictures = (
             self.colours.shown(side, own.diffuse)[(..., *inner)]
@@ -233,7 +232,7 @@ class Comparer:
             "after": np.where(seen, after, np.nan),
             "angle": maps["angle"][None],
             "delta_e": maps["delta_e"][None],
-            "log_beta_ratio": np.log(np.where(known, ratio, np.nan))[None],
+            "log_beta_ratio": np.log(np.clip(ratio, *RATIOS))[None],
             "changed": np.stack(marks),
             "compared": fine[None].astype(np.float64),
         }
