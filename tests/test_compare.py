@@ -364,6 +364,32 @@ def test_the_command_writes_a_picture_maps_and_a_report(
     assert "gloss, ratio of beta" in capsys.readouterr().out
 
 
+def test_photographs_are_fitted_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two folders of 16-bit photographs with a light file each."""
+    painting = simulate.painting(2, (24, 30), varnish=None)
+    surface = impasto.Surface(painting.normal, painting.reflectance_in(CAMERA))
+    lights = LIGHTS[:9]
+    for name, gain in (("before", 0.8), ("after", 0.6)):
+        folder = tmp_path / name
+        folder.mkdir()
+        lines = [f"{len(lights)}"]
+        for number, shown in enumerate(surface.predict(lights)):
+            codes = np.rint(65535 * np.clip(gain * shown, 0.0, 1.0)).astype(np.uint16)
+            cv2.imwrite(str(folder / f"{number}.png"), np.moveaxis(codes, 0, -1)[..., ::-1])
+            lines.append(f"{number}.png " + " ".join(f"{x:.6f}" for x in lights[number]))
+        (folder / "lights.lp").write_text("\n".join(lines) + "\n")
+    names = [str(tmp_path / name) for name in ("before", "after")]
+    assert main(["compare", *names, "--align", "same", "--json", "--quiet"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row for row in told["quantities"]}
+    # A quarter less light: darker everywhere, with the same relief (degrees).
+    assert rows["colour"]["significant"] > 0.9
+    assert rows["normal"]["median"] < 0.05
+    assert main(["compare", *names, "--align", "same", "--exposure", "matched", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["registration"]["gain"] == pytest.approx([0.8 / 0.6] * 3, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -5,6 +5,10 @@ from __future__ import annotations
 import http.client
 import json
 import os
+import re
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -248,6 +252,48 @@ def test_an_observer_with_a_keyboard_makes_all_matches(shown: Stimuli, tmp_path:
     picture = cv2.imread(str(tmp_path / "match.png"))
     assert picture[:40].max() < 20  # a black page around the picture
     assert picture.max() > 60
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_the_command_serves_a_session_and_goes_on_with_it(
+    painting: tuple[impasto.Sbrdf, impasto.Reflectance], tmp_path: Path
+) -> None:
+    """It prints the address, takes a choice, and says at Ctrl-C how far the session is."""
+    fit, reflectance = painting
+    (tmp_path / "fit").mkdir()
+    fit.save(tmp_path / "fit" / "sbrdf.npz")
+    reflectance.save(tmp_path / "fit" / "reflectance.npz")
+    words = ["experiment", "run", str(tmp_path / "fit"), "--log", str(tmp_path / "a.jsonl")]
+    words += ["--observer", "anna", "--degrees", "0,0.5,1", "--trials", "2", "--no-browser"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "impasto", *words], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        lines = iter(process.stderr.readline, "")
+        url = next(found[0] for line in lines if (found := re.search(r"http://\S+/", line)))
+        host, token = url.removeprefix("http://").rstrip("/").split("/")
+        connection = http.client.HTTPConnection(host, timeout=20)
+        content = json.dumps({"trial": 0, "position": 1, "steps": 2, "seconds": 3.5})
+        sent = {"Origin": f"http://{host}", "Content-Type": "application/json"}
+        connection.request("POST", f"/{token}/save", content, sent)
+        assert json.loads(connection.getresponse().read()) == {"said": "1 of 2"}
+        connection.close()
+        process.send_signal(signal.SIGINT)
+        assert "1 of 2 in" in process.stderr.read()
+        assert process.wait() == 0
+    log = read_log(tmp_path / "a.jsonl")
+    assert (log.observer, log.painting, log.trials) == ("anna", "fit", 2)
+    assert [(one.steps, one.seconds) for one in log.choices] == [(2, 3.5)]
+
+
+def test_the_command_refuses_a_result_without_spectra(
+    painting: tuple[impasto.Sbrdf, impasto.Reflectance],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    painting[0].save(tmp_path / "sbrdf.npz")
+    assert main(["experiment", "run", str(tmp_path), "--log", "a", "--observer", "b"]) == 1
+    assert "no spectra; fit again with --camera" in capsys.readouterr().err
 
 
 def session(observer: str, degrees: list[float], xyz: Any = None, **change: Any) -> MatchingLog:

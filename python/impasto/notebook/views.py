@@ -118,7 +118,9 @@ def decisions_view(decisions: Any) -> str:
     total = f"{decisions.error:.2g} {decisions.unit}".strip()
     note = f"tolerance {decisions.tolerance}; left out in any tile: at most {total}"
     heads = ("effect", "decision", "why", "error", "saves")
-    return grid(type(decisions).__name__, heads, rows, note)
+    # Seconds are only known of a plan that was measured.
+    shown = len(heads) if any(row[-1] for row in rows) else len(heads) - 1
+    return grid(type(decisions).__name__, heads[:shown], [row[:shown] for row in rows], note)
 
 
 def comparison_view(comparison: Any) -> str:
