@@ -23,9 +23,9 @@ from impasto.comparison.significance import critical, tail
 from overlapping_frames import Shot, scene
 
 ALPHA = 0.01
-PATCH = (slice(16, 40), slice(20, 52))
+PATCH = (slice(14, 36), slice(16, 46))
 """Where the varnish is taken off."""
-SIZE = (60, 76)
+SIZE = (52, 64)
 
 
 @dataclass(frozen=True)
@@ -167,19 +167,18 @@ def replaced(fit: impasto.Sbrdf, mask: NDArray[np.bool_]) -> impasto.Stack:
 SHOTS = (
     Shot(70.0, 56.0),
     Shot(70.37, 55.71),
-    Shot(68.2, 57.3, angle=0.01, scale=1.02, tilt=(0.01, -0.02, 0.0)),
-    Shot(69.1, 56.2, angle=0.2, scale=0.85),
+    Shot(69.1, 56.2, angle=0.2, scale=0.85, tilt=(0.01, -0.02, 0.0)),
 )
 
 
 @pytest.fixture(scope="module")
 def shots() -> list[impasto.Sbrdf]:
-    """One painting, photographed from four places."""
+    """One painting, photographed from three places."""
     taken = scene((112, 140), (88, 96), SHOTS, lights=9, fine=2)
     return [impasto.fit_sbrdf(stack, pooling="painting") for stack in taken.stacks]
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("number", [1, 2])
 def test_shifts_scales_and_rotations_are_recovered(shots: list[impasto.Sbrdf], number: int) -> None:
     """To a twentieth of a pixel everywhere, as patches agree to some hundredths of one."""
     one = impasto.compare(shots[0], shots[number])
@@ -223,7 +222,7 @@ def test_maps_do_not_depend_on_tiles(
     shots: list[impasto.Sbrdf], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor on whether the two are stores; a store has the same maps as the memory."""
-    one, other = shots[0][:60, :70], shots[2][:60, :70]
+    one, other = shots[0][:56, :64], shots[1][:56, :64]
     one.save(tmp_path / "a.zarr")
     other.save(tmp_path / "b.zarr")
     whole = impasto.compare(one, other, cells=4)
@@ -277,7 +276,7 @@ def test_six_bands_and_three_have_colours_through_their_cameras() -> None:
 
     Without cameras the six bands have no colour at all.
     """
-    painting = simulate.painting(5, (40, 48), varnish=None)
+    painting = simulate.painting(5, (28, 32), varnish=None)
     fits = []
     cameras = simulate.camera("rgb"), simulate.camera("six-band")
     for camera in cameras:
@@ -288,8 +287,8 @@ def test_six_bands_and_three_have_colours_through_their_cameras() -> None:
     assert one.illuminant == "under A"
     assert one.quantity("colour").median < 2.5
     spectra = (
-        impasto.fit_reflectance(None, fits[0], cameras[0]),
-        impasto.fit_reflectance(None, fits[1], cameras[1]),
+        impasto.fit_reflectance(None, fits[0], cameras[0], estimator="wiener"),
+        impasto.fit_reflectance(None, fits[1], cameras[1], estimator="wiener"),
     )
     two = impasto.compare(fits[0], fits[1], align="same", reflectance=spectra, illuminant="A")
     assert two.quantity("colour").median < 2.5
@@ -351,7 +350,7 @@ def test_the_command_writes_a_picture_maps_and_a_report(
     assert 0.099 < told["areas"][0]["gloss"] < 0.15
     assert told["areas"][1]["gloss"] == pytest.approx(1.0, abs=0.05)
     box = [told["areas"][0][name] for name in ("top", "left", "rows", "columns")]
-    assert box == [16, 20, 24, 32]
+    assert box == [14, 16, 22, 30]
     report = json.loads((out / "report.json").read_text())
     assert report["results"] == told
     assert {entry["file"] for entry in report["outputs"]} == {"comparison.npz", "comparison.png"}
@@ -365,29 +364,28 @@ def test_the_command_writes_a_picture_maps_and_a_report(
 
 
 def test_photographs_are_fitted_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two folders of 16-bit photographs with a light file each."""
-    painting = simulate.painting(2, (24, 30), varnish=None)
+    """A result before, and a folder of 16-bit photographs with a light file after."""
+    painting = simulate.painting(2, (10, 12), varnish=None)
     surface = impasto.Surface(painting.normal, painting.reflectance_in(CAMERA))
     lights = LIGHTS[:9]
-    for name, gain in (("before", 0.8), ("after", 0.6)):
-        folder = tmp_path / name
-        folder.mkdir()
-        lines = [f"{len(lights)}"]
-        for number, shown in enumerate(surface.predict(lights)):
-            codes = np.rint(65535 * np.clip(gain * shown, 0.0, 1.0)).astype(np.uint16)
-            cv2.imwrite(str(folder / f"{number}.png"), np.moveaxis(codes, 0, -1)[..., ::-1])
-            lines.append(f"{number}.png " + " ".join(f"{x:.6f}" for x in lights[number]))
-        (folder / "lights.lp").write_text("\n".join(lines) + "\n")
-    names = [str(tmp_path / name) for name in ("before", "after")]
+    samples = surface.predict(lights)
+    stack = impasto.Stack(0.8 * samples, lights=lights, bands=CAMERA.bands)
+    impasto.fit_sbrdf(stack, pooling="painting").save(tmp_path / "before.npz")
+    folder = tmp_path / "after"
+    folder.mkdir()
+    lines = [f"{len(lights)}"]
+    for number, shown in enumerate(samples):
+        codes = np.rint(65535 * np.clip(0.6 * shown, 0.0, 1.0)).astype(np.uint16)
+        cv2.imwrite(str(folder / f"{number}.png"), np.moveaxis(codes, 0, -1)[..., ::-1])
+        lines.append(f"{number}.png " + " ".join(f"{x:.6f}" for x in lights[number]))
+    (folder / "lights.lp").write_text("\n".join(lines) + "\n")
+    names = [str(tmp_path / "before.npz"), str(folder)]
     assert main(["compare", *names, "--align", "same", "--json", "--quiet"]) == 0
     told = json.loads(capsys.readouterr().out)
     rows = {row["name"]: row for row in told["quantities"]}
     # A quarter less light: darker everywhere, with the same relief (degrees).
     assert rows["colour"]["significant"] > 0.9
     assert rows["normal"]["median"] < 0.05
-    assert main(["compare", *names, "--align", "same", "--exposure", "matched", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["registration"]["gain"] == pytest.approx([0.8 / 0.6] * 3, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -399,7 +397,7 @@ def test_photographs_are_fitted_first(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"alpha": np.nan}, r"alpha: expected a probability"),
         ({"exposure_sigma": -1.0}, r"exposure_sigma: expected a share"),
         ({"cells": 0}, r"cells: expected a whole number"),
-        ({"regions": np.zeros((2, 2), int)}, r"regions: expected whole numbers \(60, 76\)"),
+        ({"regions": np.zeros((2, 2), int)}, r"regions: expected whole numbers \(52, 64\)"),
         ({"camera": "rgb"}, r"camera: expected an impasto.Camera"),
         ({"out": "x.npz"}, r"out: expected a name ending in .zarr"),
     ],
