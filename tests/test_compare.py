@@ -240,6 +240,7 @@ def test_maps_do_not_depend_on_tiles(
             np.testing.assert_allclose(other, plane, rtol=1e-4, atol=1e-5, err_msg=name)
     assert [area.name for area in read.areas] == [area.name for area in stored.areas]
     assert read.to_dict() == stored.to_dict()
+    assert str(read) == str(stored)
     with pytest.raises(ArgumentError, match="exists"):
         impasto.compare(one, other, tmp_path / "c.zarr")
 

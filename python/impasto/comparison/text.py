@@ -74,8 +74,11 @@ def table_rows(
 def statuses(compared: Mapping[str, int]) -> str:
     """``98.1 % tested, 1.9 % unknown after``."""
     total = max(sum(compared.values()), 1)
-    return ", ".join(f"{100 * count / total:.1f} % {REASONS[name]}"
-                     for name, count in compared.items())  # fmt: skip
+    return ", ".join(
+        f"{100 * compared[name] / total:.1f} % {words}"
+        for name, words in REASONS.items()
+        if name in compared
+    )
 
 
 def _placed(place: Registration) -> str:
