@@ -18,7 +18,11 @@ from gallery import icon, painting
 from impasto import simulate
 from impasto.cli import main
 from impasto.io import write_jpeg
+from impasto.matching import Experiment, analyse, stimuli
 from impasto.pictures import Panel, Picture, contact_sheet, fitted
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+import cleaned_painting
 
 HERE = Path(__file__).parent / "_static"
 LARGEST = 300_000
@@ -111,6 +115,43 @@ def gallery_of_the_icon() -> None:
         save(f"icon-{name}", contact_sheet(view(measured), columns=columns, width=width))
 
 
+def compared() -> None:
+    """A painting before and after its varnish was taken off in a patch."""
+    size = (200, 260)
+    y, x = np.mgrid[: size[0], : size[1]]
+    window = ((x - 150) / 70.0) ** 4 + ((y - 95) / 55.0) ** 4 < 1.0
+    one = cleaned_painting.cleaned_painting(size, window)
+    fits = [cleaned_painting.fitted(*pair) for pair in ((one.before, 1), (one.after, 2))]
+    found = impasto.compare(*fits, align="same")
+    save("compare", found.picture())
+
+
+def matched() -> None:
+    """A matching experiment with simulated observers, whose mean degree is 0.56."""
+    capture = simulate.default_capture("tominaga-six-band-adaptation", size=(64, 80))
+    fit = impasto.fit_sbrdf(capture.stack, pooling="painting")
+    spectra = impasto.fit_reflectance(capture.stack, fit, capture.truth.camera)
+    shown = stimuli(fit, spectra)
+    random = np.random.default_rng(1)
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(14):
+            own = random.normal(0.56, 0.08)
+            session = Experiment(
+                shown, Path(folder) / f"{number}.jsonl", observer=f"simulated {number + 1}",
+                painting="landscape",
+            )  # fmt: skip
+            while session.trial < session.log.trials:
+                wanted = own + random.normal(0.0, 0.06)
+                order = session.order(session.trial)
+                off = [abs(shown.degrees[which] - wanted) for which in order]
+                session.save(
+                    {"trial": session.trial, "position": int(np.argmin(off)), "steps": 11,
+                     "seconds": 20.0}
+                )  # fmt: skip
+            session.close()
+        save("matching", analyse(sorted(Path(folder).glob("*.jsonl"))).picture())
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "demo"
@@ -118,5 +159,7 @@ if __name__ == "__main__":
             raise SystemExit("impasto demo failed")
         pictures(out)
     lobes()
+    compared()
+    matched()
     gallery_of_the_painting()
     gallery_of_the_icon()

@@ -10,6 +10,7 @@ import pytest
 import scipy.stats
 
 import impasto
+from impasto._internal.student import upper_tail
 from impasto.calibrate import (
     BallCamera,
     BallPhotographs,
@@ -18,7 +19,6 @@ from impasto.calibrate import (
     lights_from_balls,
     read_balls,
 )
-from impasto.calibrate.student import upper_tail
 from impasto.cli import main
 from impasto.errors import ArgumentError
 from impasto.io import read_lights

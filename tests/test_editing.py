@@ -27,7 +27,8 @@ from impasto.calibrate import read_balls
 from impasto.cli import main
 from impasto.depth_mesh import DepthMesh
 from impasto.editing import BallOutlines, EditServer, Marks, Mesh, Subject
-from impasto.editing.server import LARGEST, PAGE
+from impasto.editing.server import PAGE
+from impasto.local_page import LARGEST
 
 SIZE = (100.0, 75.0)
 CORNERS = {
@@ -167,7 +168,7 @@ def test_the_page_may_load_nothing_from_elsewhere(page: EditServer) -> None:
     assert all(word in {"'self'", "'none'"} for part in policy for word in part.split()[1:])
     assert answer.headers["X-Content-Type-Options"] == "nosniff"
     assert answer.headers["Cache-Control"] == "no-store"
-    for name in PAGE:
+    for name in ("", *PAGE.names[1:]):
         text = request(page, f"/{page.token}/{name}").data.decode()
         assert "http://" not in text
         assert "https://" not in text

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import re
+import subprocess
+import sys
 import warnings
 from html.parser import HTMLParser
 from pathlib import Path
@@ -53,13 +55,46 @@ def pictures(page: str) -> list[Any]:
     return [cv2.imdecode(one, cv2.IMREAD_COLOR)[..., ::-1] for one in found]
 
 
-def test_a_view_is_html_that_closes_what_it_opens() -> None:
-    """Whatever follows in the notebook would otherwise stand inside the view."""
-    view = impasto.fit_normals(impasto.Stack(samples(), lights=LIGHTS))._repr_html_()
+def fit() -> impasto.PooledSbrdf:
+    return impasto.fit_sbrdf(
+        impasto.Stack(samples(), lights=LIGHTS, bands=("<b>", "g", "b")), pooling="painting"
+    )
+
+
+def stored(folder: Path) -> impasto.StoredSbrdf:
+    fit().save(folder / "<i>.zarr")
+    return impasto.open_sbrdf(folder / "<i>.zarr")
+
+
+VIEWS: dict[str, Any] = {
+    "stack": lambda _: impasto.Stack(samples(), lights=LIGHTS),
+    "normals": lambda _: impasto.fit_normals(impasto.Stack(samples(), lights=LIGHTS)),
+    "result": lambda _: fit(),
+    "store": stored,
+    "plan": lambda _: impasto.plan(surface(), Scene([DistantLight((0, 0.5, 1))])),
+    "comparison": lambda _: impasto.compare(fit(), fit(), align="same"),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_a_view_is_html_that_closes_what_it_opens(name: str, tmp_path: Path) -> None:
+    """Whatever follows in the notebook would otherwise stand inside the view.
+
+    Only tags of the view itself are open: names of bands and files are text. Nothing is loaded
+    from anywhere, and the colours are those of the page, which may be dark.
+    """
+    view = VIEWS[name](tmp_path)._repr_html_()
     opened: list[str] = []
+    seen: set[str] = set()
 
     class Reader(HTMLParser):
         def handle_starttag(self, tag: str, attrs: Any) -> None:
+            seen.add(tag)
+            for key, value in attrs:
+                assert not key.startswith("on")
+                assert key not in {"href", "srcset"}
+                assert key != "src" or str(value).startswith("data:image/png;base64,")
+                assert "url(" not in str(value)
             if tag != "img":
                 opened.append(tag)
 
@@ -68,8 +103,44 @@ def test_a_view_is_html_that_closes_what_it_opens() -> None:
 
     Reader().feed(view)
     assert opened == []
-    # A view has the colours of its page, which may be dark.
+    assert seen <= {"div", "table", "caption", "b", "tr", "td", "figure", "img", "figcaption"}
     assert re.findall(r"(?<!caption-)(?:color|background):(?!inherit|none)", view) == []
+
+
+def test_a_plan_shows_a_row_for_every_effect() -> None:
+    planned = impasto.plan(surface(), Scene([DistantLight((0, 0.5, 1))]))
+    page = planned._repr_html_()
+    for effect in planned.effects:
+        assert f">{effect.name}</td>" in page
+    assert "tolerance 0" in page
+
+
+def test_a_store_shows_what_its_result_shows(tmp_path: Path) -> None:
+    page = stored(tmp_path)._repr_html_()
+    for part in ("7 x 5 pixels", "&lt;b&gt;, g, b", "PooledSbrdf in tiles of", "&lt;i&gt;.zarr"):
+        assert part in page
+    assert [one.tolist() for one in pictures(page)] == [
+        one.tolist() for one in pictures(fit()._repr_html_())
+    ]
+
+
+def test_pictures_stay_small_where_nothing_can_be_compressed() -> None:
+    """A notebook keeps every view in its file: noise is reduced until it fits."""
+    rng = np.random.default_rng(1)
+    noise = rng.random((3, 3, 470, 470), dtype=np.float32)
+    page = impasto.Stack(noise, lights=LIGHTS[:3])._repr_html_()
+    # Four characters of base64 for three bytes, and the words.
+    assert len(page) < 4 / 3 * 160_000 + 4000
+    (picture,) = pictures(page)
+    assert min(picture.shape[:2]) >= 100
+
+
+def test_views_are_imported_when_one_is_shown() -> None:
+    script = "import sys, impasto; print('impasto.notebook' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
 
 
 def test_normals_show_their_method_their_error_and_two_maps() -> None:

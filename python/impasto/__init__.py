@@ -9,6 +9,7 @@ import warnings as _warnings
 from impasto._internal import starting as _starting  # noqa: F401  # isort: skip
 from impasto import _core, colour, systems
 from impasto.bands import Camera
+from impasto.comparison import Comparison, compare, load_comparison
 from impasto.effects import Decisions, PlannedEffect
 from impasto.effort import Effort
 from impasto.encoding import Encoding
@@ -65,6 +66,7 @@ __all__ = [
     "ArgumentError",
     "Camera",
     "ClusterError",
+    "Comparison",
     "CorruptInputError",
     "Decisions",
     "DistantLight",
@@ -114,6 +116,7 @@ __all__ = [
     "Verification",
     "cast_shadows",
     "colour",
+    "compare",
     "display_from_bands",
     "find_level",
     "fit_highlight",
@@ -126,6 +129,7 @@ __all__ = [
     "learn_normals",
     "learn_sbrdf",
     "leave_out_highlights",
+    "load_comparison",
     "load_learned",
     "load_sbrdf",
     "merge",

@@ -87,6 +87,12 @@ class Decisions:
         numbers = {"tolerance": self.tolerance, "error": self.error, "unit": self.unit}
         return json.dumps({**numbers, "tiles": self.tiles, "effects": effects}, indent=2)
 
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: a row for every effect."""
+        from impasto.notebook import decisions_view
+
+        return decisions_view(self)
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {names(self.effects)}, tolerance {self.tolerance}>"
 

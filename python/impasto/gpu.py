@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, thread_count
 from impasto._internal.checks import instance, length_mm, truth
-from impasto._internal.html import png
+from impasto._internal.png import png
 from impasto.bands import Camera
 from impasto.colour import Display
 from impasto.errors import ArgumentError, GpuUnavailableError

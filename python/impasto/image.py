@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto._internal.calls import thread_count
 from impasto._internal.checks import number
-from impasto._internal.html import png
+from impasto._internal.png import png
 from impasto.colour import Display
 from impasto.errors import ArgumentError
 

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
-from impasto._internal.html import reduced, table, thumbnail
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
@@ -168,19 +167,9 @@ class Stack:
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: size, lights, and the mean of some photographs."""
-        observations, _, height, width = self.shape
-        some = np.linspace(0, observations - 1, min(observations, 8)).astype(int)
-        light = [self._linear(reduced(self.samples[index])) for index in some]
-        mean = np.mean([np.nan_to_num(plane, posinf=1.0) for plane in light], axis=0)
-        rows = {
-            "photographs": observations,
-            "size": f"{width} x {height} pixels",
-            "bands": ", ".join(self.bands),
-            "samples": self.samples.dtype,
-            "tone curve": self._curve_words,
-            "rig": repr(self.rig).strip("<>").removeprefix("Rig "),
-        }
-        return table("Stack", rows, {f"mean of {len(some)} photographs": thumbnail(mean)})
+        from impasto.notebook import stack_view
+
+        return stack_view(self)
 
     @property
     def encoding_source(self) -> str:

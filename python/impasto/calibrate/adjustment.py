@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.student import upper_tail
 from impasto.calibrate.geometry import Array, BallCamera, tangents
-from impasto.calibrate.student import upper_tail
 from impasto.errors import GeometryError
 
 ROUNDS = 60

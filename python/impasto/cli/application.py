@@ -13,16 +13,26 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError, MissingArgumentError
 
 from impasto._internal.printable import printable
-from impasto.cli import calibrate, capture, console, edit, export, job, rti, session
+from impasto.cli import (
+    calibrate,
+    capture,
+    console,
+    edit,
+    experiment,
+    export,
+    job,
+    rti,
+    session,
+)
 from impasto.cli.codes import Exit
 from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
 ARGUMENTS = (
-    "adaptation|again|ball|bands|camera|card|circles|corners|dark|darks|data|diameter_mm|display|encoding|environment|"
-    "estimator|exposure|focal_mm|illuminant|images|index|intensities|into|lights|lobes|markers|mask|memory|method|"
+    "adapt_seconds|adaptation|after|again|align|alpha|ball|bands|before|camera|cells|card|circles|confidence|corners|dark|darks|data|degrees|diameter_mm|display|encoding|environment|"
+    "estimator|exposure|exposure_sigma|focal_mm|illuminant|images|index|intensities|into|lights|lobes|log|logs|markers|mask|memory|method|observer|"
     "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
-    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|view|watch|white"
+    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|trials|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 
@@ -51,12 +61,14 @@ def application() -> App:
     app.command(capture.application())
     app.command("impasto.cli.align:align", help="Rectify photographs to the frontal view.")
     app.command(edit.application())
+    app.command(experiment.application())
     app.command("impasto.cli.rehearse:rehearse", help="Rehearse a session on a simulation.")
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")
     app.command(export.application())
     app.command(rti.application())
+    app.command("impasto.cli.compare:compare", help="Show what changed between two states.")
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

@@ -7,6 +7,7 @@ What a detector found can be corrected by hand: the page reads and writes the fi
 from impasto.editing.balls import BallOutlines
 from impasto.editing.marks import Marks
 from impasto.editing.mesh import Mesh
-from impasto.editing.server import EditServer, Subject
+from impasto.editing.server import EditServer
+from impasto.local_page import Subject
 
 __all__ = ["BallOutlines", "EditServer", "Marks", "Mesh", "Subject"]

@@ -12,7 +12,6 @@ from impasto import _core
 from impasto._internal.border import StackArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
-from impasto._internal.html import normal_thumbnail, share_of, table, thumbnail
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.deferred import Deferred
@@ -128,17 +127,9 @@ class Normals(PixelMaps):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: size, method, predicted error, albedo and normals."""
-        height, width = self.shape
-        sigma = self.sigma[np.isfinite(self.sigma)]
-        rows = {
-            "size": f"{width} x {height} pixels",
-            "bands": len(self.albedo),
-            "method": self.method,
-            "estimated": share_of(self.status < Status.DARK),
-            "error": f"{np.degrees(np.median(sigma)):.2g}° (median)" if len(sigma) else "unknown",
-        }
-        pictures = {"albedo": thumbnail(self.albedo), "normals": normal_thumbnail(self.normal)}
-        return table("Normals", rows, pictures)
+        from impasto.notebook import normals_view
+
+        return normals_view(self)
 
 
 class StereoOptions(TypedDict, total=False):

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
-from impasto._internal.html import reduced, share_of, table, thumbnail
 from impasto._internal.waiting import floats, wait_for
 from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
@@ -25,7 +24,6 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
-from impasto.status import Status
 from impasto.training import TrainingSpectra, checked_training
 
 Estimator = Literal["ensemble", "root-polynomial", "radial-basis", "wiener", "linear-model"]
@@ -102,19 +100,9 @@ class Reflectance(PixelMaps):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: size, basis, estimator and colours under D65."""
-        from impasto.colour import display_from_coefficients
+        from impasto.notebook import reflectance_view
 
-        count, height, width = self.coefficients.shape
-        grid = self.wavelengths
-        rows = {
-            "size": f"{width} x {height} pixels",
-            "basis": f"{count} spectra, {grid[0]:g} to {grid[-1]:g} nm",
-            "estimator": self.info.get("estimator", "unknown"),
-            "estimated": share_of(self.status < Status.DARK),
-        }
-        fold = display_from_coefficients(self.basis, grid, "D65")
-        light = np.tensordot(fold.diffuse, reduced(self.coefficients), axes=1)
-        return table("Reflectance", rows, {"under D65": thumbnail(light)})
+        return reflectance_view(self)
 
     def spectrum(self, y: int, x: int) -> Floats:
         """Reflectance ``(n,)`` of one pixel, unclipped."""

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, picked
-from impasto._internal.html import normal_thumbnail, share_of, table, thumbnail
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
 from impasto.fit.choice import Choice
@@ -355,24 +354,9 @@ class Sbrdf(PixelMaps, Relightable):
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: size, gloss, diffuse colours and normals."""
-        height, width = self.shape
-        gloss = self.gloss
-        rows = {
-            "size": f"{width} x {height} pixels",
-            "bands": ", ".join(self.bands),
-            "estimated": share_of(self.estimated),
-            "gloss": self._gloss(),
-        }
-        if gloss.source == "pixels":
-            rows["median lobe"] = str(gloss)
-        if self.chosen is not None:
-            rows["chosen"] = str(self.chosen)
-        if self.residuals is not None:
-            rows["residuals"] = f"predict new lights {self.residuals.gain:.1f} dB better"
-        if self.relief is not None:
-            rows["relief"] = str(self.relief)
-        pictures = {"diffuse": thumbnail(self.diffuse), "normals": normal_thumbnail(self.normal)}
-        return table(type(self).__name__, rows, pictures)
+        from impasto.notebook import sbrdf_view
+
+        return sbrdf_view(self)
 
     @classmethod
     def kind(cls) -> str:

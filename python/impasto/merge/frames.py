@@ -87,7 +87,7 @@ def frames_of(given: Any) -> list[Frame]:
         )
     if len(given) < 2:
         raise ArgumentError(f"frames: expected two or more to merge, found {len(given)}")
-    found = [_frame(one, index) for index, one in enumerate(given)]
+    found = [_numbered(one, index) for index, one in enumerate(given)]
     for frame in found[1:]:
         if frame.bands != found[0].bands:
             raise ArgumentError(
@@ -98,14 +98,18 @@ def frames_of(given: Any) -> list[Frame]:
     return found
 
 
-def _frame(one: Any, index: int) -> Frame:
-    if isinstance(one, Sbrdf | StoredSbrdf):
-        name = one.path.name if isinstance(one, StoredSbrdf) else f"frame {index}"
-        return Frame(name, one)
+def frame_of(one: Sbrdf | StoredSbrdf | str | os.PathLike[str], name: str) -> Frame:
+    """A frame from a result, which is called ``name``, an opened store or a file."""
     if isinstance(one, str | os.PathLike):
         path = Path(one)
         stored = result_file(path).suffix.lower() == ".zarr"
         return Frame(str(path), open_sbrdf(path) if stored else load_sbrdf(path))
+    return Frame(one.path.name if isinstance(one, StoredSbrdf) else name, one)
+
+
+def _numbered(one: Any, index: int) -> Frame:
+    if isinstance(one, Sbrdf | StoredSbrdf | str | os.PathLike):
+        return frame_of(one, f"frame {index}")
     raise ArgumentError(
         f"frames: number {index} is {type(one).__name__}; expected a result of impasto.fit_sbrdf, "
         "of impasto.open_sbrdf, or the name of its file"

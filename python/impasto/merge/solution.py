@@ -62,7 +62,7 @@ class Solution:
 
 def solved(frames: Sequence[Frame], reference: int, white: int | None) -> Solution:
     """Find it, the reference frame being at rest and, unless None, frame ``white`` uncoloured."""
-    placements, affine, matches = _registered(frames, reference)
+    placements, affine, matches = registered(frames, reference)
     # A frame covers half a pixel around its outermost ones.
     low = np.ceil(
         np.min([p.corners(f.shape) for p, f in zip(placements, frames, strict=True)], axis=(0, 1))
@@ -83,10 +83,16 @@ def solved(frames: Sequence[Frame], reference: int, white: int | None) -> Soluti
     return Solution(placements, (height, width), affine, gains, rotations, seams)
 
 
-def _registered(
+def registered(
     frames: Sequence[Frame], reference: int
 ) -> tuple[list[Placement], bool, dict[Pair, Matches]]:
-    """Placements, whether they are affine, and the patches that they were found by."""
+    """Placements, whether they are affine, and the patches that they were found by.
+
+    Raises
+    ------
+    ArgumentError
+        A frame that nothing connects with the others.
+    """
     features = [features_of(frame) for frame in frames]
     found = connected(frames, features)
     first_placements(frames, found, reference)  # all are connected

@@ -135,6 +135,12 @@ class StoredSbrdf:
             f"{self.kind.__name__} in tiles of {self.tile}>"
         )
 
+    def _repr_html_(self) -> str:
+        """HTML for notebooks: size, tiles, and pictures of the smallest stored scale."""
+        from impasto.notebook import stored_view
+
+        return stored_view(self)
+
     def __getitem__(self, key: Any) -> Sbrdf:
         """``[y0:y1, x0:x1]``: a part of the painting, loaded.
 

@@ -24,3 +24,16 @@ def upper_tail(t: float, freedom: int) -> float:
             total += term
         within = sine * total
     return 0.5 * (1.0 - within)
+
+
+def quantile(probability: float, freedom: int) -> float:
+    """The ``t`` that is exceeded with a probability of at most a half; by bisection."""
+    if not 0.0 < probability <= 0.5:
+        raise ValueError(f"probability: expected above 0 and at most 0.5, found {probability}")
+    low, high = 0.0, 1.0
+    while upper_tail(high, freedom) > probability:
+        low, high = high, 2.0 * high
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if upper_tail(middle, freedom) > probability else (low, middle)
+    return high

@@ -1,31 +1,27 @@
-"""Notebook views of stacks and results: a small table and thumbnails."""
+"""Pieces of notebook views: a small table and thumbnails, in the colours of the page.
+
+Text is escaped, pictures are in the page itself, and nothing is requested from anywhere.
+"""
 
 from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.png import png
 from impasto.encoding import Encoding
 
 THUMBNAIL = 240
 """Pixels of the longer side of a thumbnail on the page, about ten lines of text."""
+LARGEST_BYTES = 160_000
+"""Of a picture in the page, as PNG; a notebook keeps every one of them in its file."""
 _SHARP = 2.0
 """Enlarged by more than this, pixels keep sharp edges: interpolation would hide them."""
-
-
-def png(picture: NDArray[np.uint8]) -> bytes:
-    """An 8-bit picture ``(y, x, 3)`` as the bytes of a PNG file."""
-    import cv2
-
-    done, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))
-    if not done:
-        raise ValueError(f"a picture of shape {picture.shape} cannot be written as PNG")
-    return data.tobytes()
 
 
 def reduced(planes: NDArray[Any]) -> NDArray[Any]:
@@ -64,22 +60,55 @@ def table(title: str, rows: Mapping[str, object], pictures: Mapping[str, NDArray
     """HTML: a title, rows of names and values, and pictures with their names beside them.
 
     Colours are those of the page, light or dark; on a narrow page pictures move below the table.
-    Notebooks have style sheets of their own for tables, so every cell says how it is set.
     """
-    cell = "text-align:left;vertical-align:top;padding:.1em 1em .1em 0;background:none"
     lines = "".join(
-        f"<tr style='background:none'><td style='{cell};opacity:.65;white-space:nowrap'>"
-        f"{html.escape(name)}</td><td style='{cell}'>{html.escape(str(value))}</td></tr>"
+        _line((name, value), (f"{_CELL};opacity:.65;white-space:nowrap", _CELL))
         for name, value in rows.items()
     )
-    caption = "caption-side:top;text-align:left;color:inherit;padding:0 0 .3em"
+    figures = "".join(_figure(name, picture) for name, picture in pictures.items())
     return (
         "<div style='display:flex;flex-wrap:wrap;align-items:flex-start;gap:.5em 1.5em'>"
-        f"<table style='margin:0;max-width:26em;border-collapse:collapse'><caption "
-        f"style='{caption}'><b>{html.escape(title)}</b></caption>{lines}</table>"
-        "<div style='display:flex;flex-wrap:wrap;gap:.5em 1em'>"
-        f"{''.join(_figure(name, picture) for name, picture in pictures.items())}</div></div>"
+        f"<table style='margin:0;max-width:26em;border-collapse:collapse'>{_caption(title)}"
+        f"{lines}</table>"
+        f"<div style='display:flex;flex-wrap:wrap;gap:.5em 1em'>{figures}</div></div>"
     )
+
+
+def grid(title: str, heads: Sequence[str], rows: Sequence[Sequence[object]], note: str = "") -> str:
+    """HTML: a title, a table with a head for each column, and a note below it."""
+    head = _line(heads, [f"{_CELL};opacity:.65;white-space:nowrap"] * len(heads))
+    lines = "".join(_line(row, [_CELL] * len(heads)) for row in rows)
+    below = f"<div style='opacity:.65;font-size:.9em'>{html.escape(note)}</div>" if note else ""
+    return (
+        "<div style='overflow-x:auto'><table style='margin:0;border-collapse:collapse'>"
+        f"{_caption(title)}{head}{lines}</table>{below}</div>"
+    )
+
+
+_CELL = "text-align:left;vertical-align:top;padding:.1em 1em .1em 0;background:none"
+"""Notebooks have style sheets of their own for tables, so every cell says how it is set."""
+
+
+def _line(cells: Sequence[object], styles: Sequence[str]) -> str:
+    found = "".join(
+        f"<td style='{style}'>{html.escape(str(cell))}</td>"
+        for cell, style in zip(cells, styles, strict=True)
+    )
+    return f"<tr style='background:none'>{found}</tr>"
+
+
+def _caption(title: str) -> str:
+    style = "caption-side:top;text-align:left;color:inherit;padding:0 0 .3em"
+    return f"<caption style='{style}'><b>{html.escape(title)}</b></caption>"
+
+
+def _within_limit(picture: NDArray[np.uint8]) -> bytes:
+    """The picture as PNG, with half of its rows and columns until it is small enough."""
+    data = png(picture)
+    while len(data) > LARGEST_BYTES and min(picture.shape[:2]) > 1:
+        picture = picture[::2, ::2]
+        data = png(picture)
+    return data
 
 
 def _figure(name: str, picture: NDArray[np.uint8]) -> str:
@@ -89,6 +118,6 @@ def _figure(name: str, picture: NDArray[np.uint8]) -> str:
     return (
         "<figure style='margin:0;max-width:100%'><img alt='' style='display:block;margin:0;"
         f"max-width:100%;width:{max(1, round(scale * width))}px;height:auto;{sharp}' "
-        f"src='data:image/png;base64,{base64.b64encode(png(picture)).decode()}'>"
+        f"src='data:image/png;base64,{base64.b64encode(_within_limit(picture)).decode()}'>"
         f"<figcaption style='opacity:.65;font-size:.9em'>{html.escape(name)}</figcaption></figure>"
     )

@@ -1,0 +1,113 @@
+"""A comparison in words: the table on the command line and in notebooks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from impasto.comparison.entries import Area, GlossChange, Quantity, Registration
+
+SHOWN = 8
+"""Areas that are listed."""
+TITLES = {"normal": "normal, degrees", "colour": "colour, dE00", "gloss": "gloss, ratio of beta"}
+REASONS = {
+    "tested": "tested", "no_error": "without a predicted error", "outside": "outside of the second",
+    "unknown_before": "unknown before", "unknown_after": "unknown after",
+    "unknown_both": "unknown in both",
+}  # fmt: skip
+
+
+def as_text(
+    names: tuple[str, str],
+    place: Registration,
+    quantities: Sequence[Quantity],
+    gloss: GlossChange,
+    compared: Mapping[str, int],
+    areas: Sequence[Area],
+    *,
+    alpha: float,
+    illuminant: str,
+) -> str:
+    """Everything, in lines."""
+    lines = [f"{names[0]} -> {names[1]}", ""]
+    lines += [_placed(place), f"colours {illuminant}"]
+    lines += ["pixels: " + statuses(compared), ""]
+    lines.append(f"{'':22}{'median':>9}{'95 %':>9}{'least':>9}{'changed':>10}")
+    for one in quantities:
+        lines.append(
+            f"{TITLES[one.name]:22}{_number(one.median):>9}{_number(one.high):>9}"
+            f"{_number(one.detectable):>9}{_share(one):>10}"
+        )
+    lines.append(
+        f"least: the smallest significant difference; {100 * alpha:g} % of unchanged pixels are "
+        "marked by chance"
+    )
+    lines += ["", _gloss(gloss)]
+    if areas:
+        lines += ["", f"{'area':8}{'pixels':>10}{'degrees':>9}{'dE00':>8}{'beta':>8}"
+                  f"{'normal':>9}{'colour':>9}{'gloss':>9}"]  # fmt: skip
+        for area in areas[:SHOWN]:
+            shares = "".join(f"{100 * share:>7.1f} %" for share in area.changed)
+            lines.append(
+                f"{area.name:8}{area.pixels:>10}{_number(area.normal):>9}"
+                f"{_number(area.colour):>8}{_number(area.gloss):>8}{shares}"
+            )
+        if len(areas) > SHOWN:
+            lines.append(f"... and {len(areas) - SHOWN} more")
+    return "\n".join(lines)
+
+
+def table_rows(
+    quantities: Sequence[Quantity], compared: Mapping[str, int], alpha: float
+) -> dict[str, object]:
+    """The same in short, for a notebook."""
+    rows: dict[str, object] = {
+        TITLES[one.name]: f"median {_number(one.median)}, 95 % {_number(one.high)}, "
+        f"changed: {_share(one)}"
+        for one in quantities
+    }
+    rows["pixels"] = statuses(compared)
+    rows["marked by chance"] = f"{100 * alpha:g} %"
+    return rows
+
+
+def statuses(compared: Mapping[str, int]) -> str:
+    """``98.1 % tested, 1.9 % unknown after``."""
+    total = max(sum(compared.values()), 1)
+    return ", ".join(
+        f"{100 * compared[name] / total:.1f} % {words}"
+        for name, words in REASONS.items()
+        if name in compared
+    )
+
+
+def _placed(place: Registration) -> str:
+    if place.sigma == 0.0 and place.linear == ((1.0, 0.0), (0.0, 1.0)):
+        return f"pixel for pixel; tilt {math.degrees(place.tilt):.2f}°"
+    return (
+        f"shifted by {place.offset[0]:.2f}, {place.offset[1]:.2f} pixels, scaled by "
+        f"{place.scale:.5f}, rotated by {math.degrees(place.angle):.3f}°"
+        f"{', sheared' * place.affine}, ± {place.sigma:.3f} pixels; "
+        f"tilt {math.degrees(place.tilt):.2f}°"
+    )
+
+
+def _gloss(gloss: GlossChange) -> str:
+    def pair(values: tuple[float, float], factor: float, unit: str) -> str:
+        return " -> ".join(f"{factor * value:.3g}{unit}" for value in values)
+
+    def deviations(z: float) -> str:
+        return f" ({z:+.1f} standard deviations)" if math.isfinite(z) else ""
+
+    return (
+        f"gloss of the painting: beta {pair(gloss.beta, 1.0, '')}{deviations(gloss.beta_z)}, "
+        f"gamma {pair(gloss.gamma, 180.0 / math.pi, '°')}{deviations(gloss.gamma_z)}"
+    )
+
+
+def _share(one: Quantity) -> str:
+    return f"{100 * one.significant:.2f} %" if one.tested else "untested"
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
