@@ -130,8 +130,10 @@ class Chromium:
             width=width, height=height, deviceScaleFactor=1, mobile=False,
         )  # fmt: skip
         self.call("Page.navigate", url=url)
+        # A page may write what it shows behind #.
+        page = json.dumps(url.partition("#")[0])
         self.until(
-            f"location.href === {json.dumps(url)} && document.documentElement?.dataset.ready"
+            f"location.href.split('#')[0] === {page} && document.documentElement?.dataset.ready"
         )
 
     def key(self, key: str, *, shift: bool = False, ctrl: bool = False) -> None:

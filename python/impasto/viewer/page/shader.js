@@ -1,0 +1,299 @@
+// The shader that lights a tile: what a picture of impasto.render is, in WebGL 2. It is made for the maps that a
+// painting has, so that what is not there costs nothing.
+
+export const VERTEX = `#version 300 es
+// One triangle over all texels of a tile.
+void main() {
+  vec2 at = vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2));
+  gl_Position = vec4(2.0 * at - 1.0, 0.0, 1.0);
+}`;
+
+const MODELS = {
+  "torrance-sparrow": `
+float fresnel(float c) {
+  float q = sqrt(uIndex * uIndex + c * c - 1.0);
+  float sum = q + c, difference = q - c;
+  float perpendicular = difference / sum;
+  float parallel = (c * sum - 1.0) / (c * difference + 1.0);
+  return 0.5 * perpendicular * perpendicular * (parallel * parallel + 1.0);
+}
+// phi^2 from 1 - cos(phi): nothing is lost near 0, as the arc cosine would.
+float phiSquared(float e) {
+  float sum = 6.2160062160e-4;
+  sum = sum * e + 1.5222872361e-3;
+  sum = sum * e + 3.8480038480e-3;
+  sum = sum * e + 1.0158730159e-2;
+  sum = sum * e + 2.8571428571e-2;
+  sum = sum * e + 8.8888888889e-2;
+  sum = sum * e + 3.3333333333e-1;
+  return (sum * e + 2.0) * e;
+}
+// D F G / (N.V) [torrance1967theory].
+float lobe(float gamma, float b, float c) {
+  vec3 sum = light + view;
+  float squared = dot(sum, sum);
+  float n_l = dot(n, light), n_v = dot(n, view);
+  if (squared < 1e-6 || n_l <= 0.0 || n_v <= 0.0) return 0.0;
+  float extent = sqrt(squared);
+  float v_h = min(0.5 * extent, 1.0);
+  vec3 halfway = sum / extent;
+  float open = 1.0 / max(n_v, 1e-30);
+  float masked = 2.0 / v_h * dot(n, halfway);
+  float attenuation = min(min(masked, open), masked * n_l * open);
+  vec3 chord = n - halfway;
+  float width = clamp(gamma, 5e-4, 1.25);
+  float power = 0.6931471805599453 / (width * width) * phiSquared(0.5 * dot(chord, chord));
+  return power > 87.0 ? 0.0 : fresnel(v_h) * attenuation * exp(-power);
+}`,
+  lafortune: `
+// The lobe of Lafortune et al. [lafortune1997nonlinear], in the domain of logarithms.
+float lobe(float cxy, float cz, float exponent) {
+  float n_l = dot(n, light), n_v = dot(n, view);
+  float upright = n_l * n_v;
+  float base = cxy * (dot(light, view) - upright) + cz * upright;
+  if (base <= 2.061153622438558e-9 || n_l <= 0.0 || n_v <= 0.0) return 0.0;
+  return n_l * exp(clamp(exponent * naturalLogarithm(min(base, 3e38)), -60.0, 40.0));
+}`,
+};
+
+const LOGARITHM = `
+// The built-in logarithm is not accurate enough near 1 on every device, and here it is multiplied by hundreds.
+float naturalLogarithm(float x) {
+  int bits = floatBitsToInt(x);
+  int exponent = (bits - 0x3f3504f3) >> 23;
+  float e = float(exponent);
+  float f = intBitsToFloat(bits - (exponent << 23)) - 1.0;
+  float square = f * f;
+  float tail = 7.0376836292e-2;
+  tail = tail * f - 1.1514610310e-1;
+  tail = tail * f + 1.1676998740e-1;
+  tail = tail * f - 1.2420140846e-1;
+  tail = tail * f + 1.4249322787e-1;
+  tail = tail * f - 1.6668057665e-1;
+  tail = tail * f + 2.0000714765e-1;
+  tail = tail * f - 2.4999993993e-1;
+  tail = tail * f + 3.3333331174e-1;
+  return e * 0.693359375 + (f + (-0.5 * square + (tail * f * square - e * 2.1219444005469058e-4)));
+}`;
+
+const COATED = `
+// Wolff's model [wolff1994diffuse]: what a smooth interface lets in and out, relative to normal incidence.
+float transmission(float cosine) {
+  float c = max(cosine, 1e-4);
+  float q = max(sqrt(uIndex * uIndex + c * c - 1.0), c);
+  float a = 1.0 / (q + c);
+  float b = 1.0 / (uIndex * c + q / uIndex);
+  return uCoatScale * q * c * (a * a + b * b);
+}`;
+
+// GLSL that reads a plane.
+function plane(doc, name) {
+  for (const [unit, group] of doc.groups.entries()) {
+    const at = group.planes.indexOf(name);
+    if (at >= 0) return `g${unit}_${at >> 2}.${"xyzw"[at & 3]}`;
+  }
+  throw new Error(`no plane ${name}`);
+}
+
+export function shapeNames(doc) {
+  return doc.model === "lafortune" ? ["cxy", "cz", "exponent"] : ["gamma"];
+}
+
+export function fragment(doc) {
+  const k = doc.coefficients, mirror = doc.model === "lafortune";
+  const samplers = doc.groups.map((group, unit) =>
+    `uniform highp ${group.number === "int16" ? "i" : ""}sampler2DArray uGroup${unit};`);
+  const fetches = doc.groups.flatMap((group, unit) => Array.from({ length: group.layers }, (_, layer) =>
+    `  ${group.number === "int16" ? "i" : ""}vec4 g${unit}_${layer} = texelFetch(uGroup${unit}, ivec3(at, ${layer}), 0);`));
+  const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${plane(doc, prefix + i)} * ${columns}[${i}]`).join(" + ");
+  const lobes = doc.lobes.map((lobe, number) => {
+    const shape = shapeNames(doc).map(name => plane(doc, name + number));
+    const value = `uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
+    if (lobe.tinted) return `  colour += kept * ${value} * (${sum(`strength${number}_`, "uDiffuse")});`;
+    return `  specular += kept * ${value} * ${plane(doc, `strength${number}_0`)};`;
+  });
+  // Of a coloured lobe its luminance under white light.
+  const strengths = doc.lobes.map((lobe, number) =>
+    (lobe.tinted ? `dot(vec3(0.2126, 0.7152, 0.0722), ${sum(`strength${number}_`, "uFlat")})` : plane(doc, `strength${number}_0`)));
+  const width = number => (mirror ? `0.5 * acos(pow(0.5, 1.0 / max(${plane(doc, `exponent${number}`)}, 1e-3)))` : plane(doc, `gamma${number}`));
+  // The lobe that reflects most stands for all: strength times squared width.
+  const strongest = doc.lobes.map((_, number) =>
+    `    { float s = ${strengths[number]}; float w = ${width(number)}; if (s * w * w > most) { most = s * w * w; strength = s; wide = w; } }`);
+  return `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2DArray;
+precision highp isampler2DArray;
+${samplers.join("\n")}
+uniform sampler2D uRamp;
+uniform sampler2D uStatuses;
+uniform vec2 uFirst;      // first pixel of the tile from the painting's middle, in mm
+uniform float uStep;      // width of a pixel of this scale in mm
+uniform vec4 uLight;      // direction to the lamp, or with 1 its place in mm
+uniform float uFalloff;   // distance of the lamp from the middle, or 0 for no fall-off
+uniform float uIntensity;
+uniform vec4 uView;       // direction to the eye, or with 1 its place in mm
+uniform vec3 uDiffuse[${k}];
+uniform vec3 uInterface;
+uniform vec3 uFlat[${k}]; // the same under white light, for the layer of colours
+uniform float uIndex;
+uniform float uCoatScale;
+uniform float uMatte;
+uniform float uGloss;
+uniform float uAmbient;
+uniform vec4 uCoat;       // strength and shape of the varnish's lobe; 0: there is none
+uniform vec4 uBeneath;    // with 1 in w what it leaves of the lobes: a share, and more of it where they are metal's
+uniform int uLayer;
+uniform vec2 uRange;
+out vec4 shown;
+
+vec3 n, light, view;
+${LOGARITHM}
+${MODELS[doc.model]}
+${doc.coated ? COATED : ""}
+float encoded(float linear) {
+  float value = clamp(linear, 0.0, 1.0);
+  return value <= 0.0031308 ? 12.92 * value : 1.055 * pow(value, 1.0 / 2.4) - 0.055;
+}
+vec4 ramp(float value) {
+  return texelFetch(uRamp, ivec2(int(clamp((value - uRange.x) / (uRange.y - uRange.x), 0.0, 1.0) * 255.0 + 0.5), 0), 0);
+}
+vec4 unknown(ivec2 at) {
+  return vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0);
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+${fetches.join("\n")}
+  int flags = g0_0.w;
+  bool known = flags >= ${doc.shown};
+  if (uLayer == 6) {
+    int status = known ? flags - ${doc.shown} : flags;
+    shown = status == ${doc.unread} ? unknown(at) : texelFetch(uStatuses, ivec2(status, 0), 0);
+    return;
+  }
+  if (!known) {
+    shown = uLayer == 0 ? vec4(0.0, 0.0, 0.0, 0.0) : unknown(at);
+    return;
+  }
+  n = vec3(g0_0.xyz) / ${doc.unit}.0;
+  vec3 colour = vec3(0.0);
+  if (uLayer == 1) {
+    colour = ${sum("diffuse", "uFlat")};
+    shown = vec4(encoded(colour.x), encoded(colour.y), encoded(colour.z), 1.0);
+    return;
+  }
+  if (uLayer == 2) {
+    shown = vec4(0.5 * n + 0.5, 1.0);
+    return;
+  }
+  if (uLayer == 3 || uLayer == 4) {
+    float most = 0.0, strength = 0.0, wide = 0.0;
+${strongest.join("\n")}
+    shown = most > 0.0 ? ramp(log2(max(uLayer == 3 ? wide : strength, 1e-12))) : unknown(at);
+    return;
+  }
+  if (uLayer == 5) {
+    shown = ramp(${doc.relief ? plane(doc, "height") : "0.0"});
+    return;
+  }
+  vec3 place = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);
+  light = uLight.xyz;
+  float reach = uIntensity;
+  if (uLight.w > 0.0) {
+    vec3 way = uLight.xyz - place;
+    float inverse = inversesqrt(dot(way, way));
+    light = way * inverse;
+    if (uFalloff > 0.0) reach *= uFalloff * uFalloff * inverse * inverse;
+  }
+  view = uView.w > 0.0 ? normalize(uView.xyz - place) : uView.xyz;
+  float cosine = max(dot(n, light), 0.0);
+${doc.coated ? `  float n_v = dot(n, view);
+  cosine = cosine > 0.0 && n_v > 0.0 ? cosine * transmission(cosine) * transmission(n_v) : 0.0;` : ""}
+  colour = uMatte * cosine * reach * (${sum("diffuse", "uDiffuse")});
+  float kept = 1.0, specular = 0.0;
+  if (uBeneath.w > 0.0) {
+    kept = uBeneath.x;
+${doc.beneath ? `    kept += uBeneath.y * ${plane(doc, "beneath")};` : ""}
+  }
+${lobes.join("\n")}
+  if (uCoat.x > 0.0) specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);
+  colour += specular * uInterface;
+${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
+  shown = vec4(encoded(colour.x), encoded(colour.y), encoded(colour.z), 1.0);
+}`;
+}
+
+export const SHOW_VERTEX = `#version 300 es
+uniform vec4 uTile;   // left, top, width, height on the painting, in pixels
+uniform mat3 uClip;   // from the painting to the canvas
+uniform vec2 uSize;   // of the painting
+out vec2 vTexture;
+out vec2 vPainting;
+void main() {
+  vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
+  vec2 at = uTile.xy + corner * uTile.zw;
+  vTexture = corner;
+  vPainting = at / uSize;
+  gl_Position = vec4((uClip * vec3(at, 1.0)).xy, 0.0, 1.0);
+}`;
+
+export const SHOW_FRAGMENT = `#version 300 es
+precision highp float;
+uniform sampler2D uPicture;
+uniform sampler2D uPhotograph;
+uniform sampler2D uRamp;
+uniform float uSplit;  // columns of the canvas from which on the photograph is shown
+uniform int uCompare;  // 0 the picture alone, 1 a photograph, 2 the difference
+uniform float uMost;   // CIEDE2000 at the end of the ramp
+in vec2 vTexture;
+in vec2 vPainting;
+out vec4 shown;
+
+vec3 lab(vec3 code) {
+  vec3 linear = mix(code / 12.92, pow((code + 0.055) / 1.055, vec3(2.4)), step(0.04045, code));
+  vec3 xyz = mat3(0.4124, 0.2126, 0.0193, 0.3576, 0.7152, 0.1192, 0.1805, 0.0722, 0.9505) * linear / vec3(0.9505, 1.0, 1.089);
+  vec3 f = mix((24389.0 / 27.0 * xyz + 16.0) / 116.0, pow(max(xyz, 1e-9), vec3(1.0 / 3.0)), step(216.0 / 24389.0, xyz));
+  return vec3(116.0 * f.y - 16.0, 500.0 * (f.x - f.y), 200.0 * (f.y - f.z));
+}
+float hue(float b, float a) {
+  return a == 0.0 && b == 0.0 ? 0.0 : mod(degrees(atan(b, a)) + 360.0, 360.0);
+}
+// CIEDE2000 [sharma2005ciede2000].
+float difference(vec3 one, vec3 other) {
+  float mean = 0.5 * (length(one.yz) + length(other.yz));
+  float seventh = pow(mean, 7.0);
+  float g = 0.5 * (1.0 - sqrt(seventh / (seventh + 6103515625.0)));
+  vec2 a = (1.0 + g) * vec2(one.y, other.y);
+  vec2 c = vec2(length(vec2(a.x, one.z)), length(vec2(a.y, other.z)));
+  vec2 h = vec2(hue(one.z, a.x), hue(other.z, a.y));
+  float dh = h.y - h.x, sum = h.x + h.y;
+  bool grey = c.x * c.y == 0.0;
+  float mh = grey ? sum : abs(dh) <= 180.0 ? 0.5 * sum : sum < 360.0 ? 0.5 * (sum + 360.0) : 0.5 * (sum - 360.0);
+  dh = grey ? 0.0 : dh > 180.0 ? dh - 360.0 : dh < -180.0 ? dh + 360.0 : dh;
+  float ml = 0.5 * (one.x + other.x), mc = 0.5 * (c.x + c.y);
+  float t = 1.0 - 0.17 * cos(radians(mh - 30.0)) + 0.24 * cos(radians(2.0 * mh)) + 0.32 * cos(radians(3.0 * mh + 6.0))
+    - 0.20 * cos(radians(4.0 * mh - 63.0));
+  float l50 = (ml - 50.0) * (ml - 50.0);
+  float dl = (other.x - one.x) / (1.0 + 0.015 * l50 / sqrt(20.0 + l50));
+  float dc = (c.y - c.x) / (1.0 + 0.045 * mc);
+  float dH = 2.0 * sqrt(c.x * c.y) * sin(radians(0.5 * dh)) / (1.0 + 0.015 * mc * t);
+  float theta = 30.0 * exp(-pow((mh - 275.0) / 25.0, 2.0));
+  float mc7 = pow(mc, 7.0);
+  float rt = -2.0 * sqrt(mc7 / (mc7 + 6103515625.0)) * sin(radians(2.0 * theta));
+  return sqrt(max(dl * dl + dc * dc + dH * dH + rt * dc * dH, 0.0));
+}
+
+void main() {
+  vec4 picture = texture(uPicture, vTexture);
+  shown = picture;
+  if (uCompare > 0 && gl_FragCoord.x >= uSplit) {
+    vec3 photograph = texture(uPhotograph, vPainting).rgb;
+    shown = vec4(photograph, 1.0);
+    if (uCompare == 2) {
+      float found = difference(lab(picture.rgb), lab(photograph));
+      shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);
+    }
+  }
+  shown.rgb *= shown.a;
+}`;
