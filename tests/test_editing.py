@@ -457,10 +457,7 @@ def test_ctrl_c_ends_the_command(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    if chromium.PROGRAM is None:
-        if os.environ.get("IMPASTO_EXPECT_BROWSER") == "1":
-            pytest.fail("chromium is not installed")
-        pytest.skip("chromium is not installed")
+    chromium.needed()
     with chromium.Chromium(tmp_path_factory.mktemp("browser")) as one:
         yield one
 

@@ -6,7 +6,7 @@ import { pixelValues } from "./values.js";
 import { svg } from "./plots.js";
 import { annotationPage, annotationsOf, note, placeOf, storeAnnotations, storedAnnotations } from "./annotations.js";
 import { anglesFromPlane, h, lightWords, panel } from "./controls.js";
-import { directionOf, stateOfText, textOfState } from "./state.js";
+import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
@@ -17,7 +17,7 @@ const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is sho
 class Viewer {
   constructor(element, doc, source, folder) {
     if (doc.format !== FORMAT) throw new Error(`the painting has the format ${doc.format}, this page shows ${FORMAT}`);
-    Object.assign(this, { element, doc, folder, tool: "light", coarse: 0, dragging: false, notes: storedAnnotations(doc), statuses: [], pointers: new Map() });
+    Object.assign(this, { element, doc, folder, tool: "light", coarse: 0, dragging: false, notes: storedAnnotations(doc), statuses: [], first: firstState(doc), pointers: new Map() });
     this.build();
     this.renderer = new Renderer(this.canvas, doc);
     this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry));
