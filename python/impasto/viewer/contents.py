@@ -33,7 +33,7 @@ FORMAT = 1
 FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
 TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})\.js")
-PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})\.png")
+PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})\.js")
 
 
 class Contents:
@@ -170,7 +170,7 @@ class Contents:
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
         yield from ("index.html", "style.css", "viewer.js", "document.js")
-        yield from (f"photographs/{number}.png" for number in range(len(self._photographs)))
+        yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
         for number, scale in reversed(list(enumerate(self._scales.scales))):
             rows, columns = scale.tiles
             for row in range(rows):
@@ -191,7 +191,7 @@ class Contents:
             return lambda: self._tile(number, row, column)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
-            return lambda: self._photographs.png(number)
+            return lambda: _called(f"photographs/{number}", self._photographs.png(number))
         return None
 
     def _index(self) -> bytes:
@@ -206,5 +206,10 @@ class Contents:
         scale = self._scales.scales[number]
         part = self._scales.part(scale, scale.window(row, column))
         tile = self._layout.tile(part.surface, part.status, part.beneath)
-        data = base64.b64encode(tile).decode("ascii")
-        return f'window.impasto.tile("{number}/{row}-{column}", "{data}");\n'.encode("ascii")
+        return _called(f"tiles/{number}/{row}-{column}", tile)
+
+
+def _called(name: str, data: bytes) -> bytes:
+    """A script that hands data to the page: a page from a disk can read no file but by a script."""
+    text = base64.b64encode(data).decode("ascii")
+    return f'window.impasto.arrived("{name}", "{text}");\n'.encode("ascii")

@@ -12,7 +12,6 @@ KINDS = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
-    "jpg": "image/jpeg",
 }
 """Media types by the ends of names."""
 

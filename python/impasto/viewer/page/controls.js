@@ -19,8 +19,10 @@ export function h(name, attributes = {}, ...children) {
 }
 
 const degrees = value => `${Math.round(value)}°`;
-const WINDS = ["right", "upper right", "above", "upper left", "left", "lower left", "below", "lower right"];
-export const lightWords = state => `Light ${state.elevation > 84 ? "in front" : `from ${WINDS[Math.round(state.azimuth / 45) % 8]}`}, ${degrees(state.elevation)} high`;
+const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
+export const lightWords = state => `Light ${state.elevation > 84 ? "in front" : `from ${SIDES[Math.round(state.azimuth / 45) % 8]}`}, ${degrees(state.elevation)} high`;
+
+export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
 
 let serial = 0;
 function slider(text, attributes, change, shown) {
@@ -83,7 +85,7 @@ function lightSection(app, updates) {
     updates.push(state => { if (document.activeElement !== input) input.value = Math.round(state[name]); });
     return h("label", {}, `${text} (°)`, input);
   };
-  const preset = (text, azimuth, elevation) => h("button", { type: "button", onclick: () => app.set({ azimuth, elevation, photograph: -1 }) }, text);
+  const preset = (text, azimuth, elevation) => h("button", { type: "button", onclick: () => app.set({ azimuth, elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
   updates.push(pad.update, state => exposure.update(state.exposure));
   const near = [];
@@ -182,7 +184,7 @@ function effectSection(app, updates) {
 
 function viewSection(app, updates) {
   const tilt = slider("Tilt", { min: 0, max: 75, step: 1 }, value => app.set({ tilt: value }), degrees);
-  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: value }), value => `${degrees(value)} ${WINDS[Math.round(value / 45) % 8]}`);
+  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: value }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
   updates.push(state => { tilt.update(state.tilt); towards.update(state.towards); towards.element.hidden = !state.tilt; });
   return section("View", false, tilt.element, towards.element,
     h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel")));

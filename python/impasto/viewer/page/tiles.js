@@ -3,11 +3,11 @@
 const LARGEST_TILE = 64 << 20; // bytes of a decompressed tile: 256 x 256 texels of 1 kB
 const AT_ONCE = 6;
 
-// Each script calls window.impasto.tile(name, data) with base64 of gzip.
+// Each script calls window.impasto.arrived(name, data) with base64: of gzip for a tile, of PNG for a photograph.
 export function scriptSource(folder) {
   const waiting = new Map();
-  window.impasto.tile = (name, data) => waiting.get(name)?.(data);
-  return name => new Promise((resolve, reject) => {
+  window.impasto.arrived = (name, data) => waiting.get(name)?.(data);
+  const load = name => new Promise((resolve, reject) => {
     const element = document.createElement("script");
     const done = (settle, value) => {
       waiting.delete(name);
@@ -15,16 +15,26 @@ export function scriptSource(folder) {
       settle(value);
     };
     waiting.set(name, data => done(resolve, data));
-    element.onload = () => waiting.has(name) && done(reject, new Error(`${name} holds no tile`));
+    element.onload = () => waiting.has(name) && done(reject, new Error(`${name} holds nothing`));
     element.onerror = () => done(reject, new Error(`${name} is missing`));
-    element.src = `${folder}tiles/${name}.js`;
+    element.src = `${folder}${name}.js`;
     document.head.append(element);
-  }).then(decompressed);
+  }).then(bytesOf);
+  return {
+    tile: name => load(`tiles/${name}`).then(decompressed),
+    // An image from a file would not be readable by WebGL: a page from a disk has no origin.
+    photograph: number => load(`photographs/${number}`)
+      .then(bytes => createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" })),
+  };
 }
 
-async function decompressed(data) {
+function bytesOf(data) {
   const text = atob(data), bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}
+
+async function decompressed(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")).getReader();
   const parts = [];
   for (let size = 0; ;) {
@@ -63,7 +73,7 @@ export class Tiles {
     const entry = { buffer: null, failed: false };
     this.known.set(name, entry);
     this.running++;
-    entry.promise = this.source(name)
+    entry.promise = this.source.tile(name)
       .then(buffer => { entry.buffer = buffer; })
       .catch(error => { entry.failed = true; console.error(error); })
       .then(() => {

@@ -5,7 +5,7 @@ import { Renderer } from "./renderer.js";
 import { pixelValues } from "./values.js";
 import { svg } from "./plots.js";
 import { annotationPage, annotationsOf, note, placeOf, storeAnnotations, storedAnnotations } from "./annotations.js";
-import { anglesFromPlane, h, lightWords, panel } from "./controls.js";
+import { RAKING_STOPS, anglesFromPlane, h, lightWords, panel } from "./controls.js";
 import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
@@ -15,9 +15,9 @@ const TOOLS = [["light", "Light", "L", "Drag to move the light"], ["move", "Move
 const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
 
 class Viewer {
-  constructor(element, doc, source, folder) {
+  constructor(element, doc, source) {
     if (doc.format !== FORMAT) throw new Error(`the painting has the format ${doc.format}, this page shows ${FORMAT}`);
-    Object.assign(this, { element, doc, folder, tool: "light", coarse: 0, dragging: false, notes: storedAnnotations(doc), statuses: [], first: firstState(doc), pointers: new Map() });
+    Object.assign(this, { element, doc, source, tool: "light", coarse: 0, dragging: false, notes: storedAnnotations(doc), statuses: [], first: firstState(doc), pointers: new Map() });
     this.build();
     this.renderer = new Renderer(this.canvas, doc);
     this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry));
@@ -110,9 +110,10 @@ class Viewer {
   // Columns and rows of the canvas per pixel of the painting, and where the painting's middle of view lies.
   get view() {
     if (this.state.view) return this.state.view;
-    const { width, height } = this.canvas, top = 0;
-    const zoom = Math.min(0.92 * width / this.doc.width, 0.84 * (height - top) / this.doc.height);
-    return [this.doc.width / 2, this.doc.height / 2, zoom || 1];
+    const { width, height, clientWidth } = this.canvas, ratio = width / clientWidth || 1;
+    const [above, below, beside] = [60, 56, 20].map(value => value * ratio);
+    const zoom = Math.max(Math.min((width - 2 * beside) / this.doc.width, (height - above - below) / this.doc.height), 1e-4);
+    return [this.doc.width / 2, this.doc.height / 2 - (above - below) / 2 / zoom, zoom];
   }
 
   fit() {
@@ -412,7 +413,7 @@ class Viewer {
     const acts = {
       "+": () => this.zoomTo(1.25 * this.view[2]), "=": () => this.zoomTo(1.25 * this.view[2]), "-": () => this.zoomTo(this.view[2] / 1.25),
       0: () => this.fit(), 1: () => this.zoomTo(1), h: () => this.togglePanel(), p: () => this.copyLink(), s: () => this.savePicture(),
-      r: () => this.set({ azimuth: this.state.elevation <= 12 ? (this.state.azimuth + 45) % 360 : 180, elevation: 10, photograph: -1 }),
+      r: () => this.set({ azimuth: this.state.elevation <= 12 ? (this.state.azimuth + 45) % 360 : 180, elevation: 10, exposure: RAKING_STOPS, photograph: -1 }),
       ...Object.fromEntries(TOOLS.map(([name, , key]) => [key.toLowerCase(), () => this.choose(name)])),
     };
     const act = acts[event.key.toLowerCase()];
@@ -469,10 +470,10 @@ class Viewer {
   compareWith(number) {
     this.set({ photograph: number, ...(number >= 0 ? { layer: "picture", tilt: 0 } : {}) });
     if (number < 0 || this.renderer.photographs.has(number)) return;
-    const image = new Image();
-    image.onload = () => { this.renderer.photograph(number, image); this.redraw(); };
-    image.onerror = () => this.say("The photograph could not be loaded.");
-    image.src = `${this.folder}photographs/${number}.png`;
+    this.source.photograph(number).then(image => {
+      this.renderer.photograph(number, image);
+      this.redraw();
+    }, () => this.say("The photograph could not be loaded."));
   }
 
   askNote(place) {
@@ -570,10 +571,10 @@ class Viewer {
   }
 }
 
-// Show a painting in an element. `source` gives the numbers of a tile by its name.
-export function mount(element, doc, source, folder = "") {
+// Show a painting in an element. `source` gives tiles by name and photographs by number, as promises.
+export function mount(element, doc, source) {
   try {
-    return new Viewer(element, doc, source, folder);
+    return new Viewer(element, doc, source);
   } catch (error) {
     element.replaceChildren(h("p", { className: "refused", role: "alert" }, error.message));
     throw error;
