@@ -10,10 +10,8 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import cv2
@@ -28,6 +26,7 @@ from impasto.cli import main
 from impasto.depth_mesh import DepthMesh
 from impasto.editing import BallOutlines, EditServer, Marks, Mesh, Subject
 from impasto.editing.server import LARGEST, PAGE
+from loopback import request, serving
 
 SIZE = (100.0, 75.0)
 CORNERS = {
@@ -36,59 +35,8 @@ CORNERS = {
 }  # fmt: skip
 
 
-@contextmanager
-def served(subject: Subject) -> Iterator[EditServer]:
-    server = EditServer(subject)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
-
-
-@dataclass
-class Answer:
-    status: int
-    kind: str
-    data: bytes
-    headers: dict[str, str]
-
-    @property
-    def error(self) -> str:
-        return str(json.loads(self.data)["error"])
-
-
-def request(
-    server: EditServer, path: str, body: bytes | None = None, **headers: str | None
-) -> Answer:
-    """As the page asks; a header of None is left out. The path is sent as it is."""
-    own = f"127.0.0.1:{server.server_port}"
-    sent: dict[str, str | None] = {"Host": own}
-    if body is not None:
-        sent |= {"Origin": f"http://{own}", "Content-Type": "application/json"}
-        sent |= {"Content-Length": str(len(body))}
-    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    connection.putrequest(
-        "GET" if body is None else "POST", path, skip_host=True, skip_accept_encoding=True
-    )
-    for name, value in sent.items():
-        if value is not None:
-            connection.putheader(name, value)
-    connection.endheaders()
-    try:
-        if body:
-            connection.send(body)
-    except OSError:
-        pass  # refused before the body was read
-    answer = connection.getresponse()
-    found = Answer(answer.status, answer.getheader("Content-Type", ""), answer.read(),
-                   dict(answer.getheaders()))  # fmt: skip
-    connection.close()
-    return found
+def served(subject: Subject) -> AbstractContextManager[EditServer]:
+    return serving(EditServer(subject))
 
 
 @pytest.fixture

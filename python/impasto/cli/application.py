@@ -55,7 +55,9 @@ def application() -> App:
     app.command("impasto.cli.ingest:ingest", help="Write photographs into one store, by tiles.")
     app.command(job.application())
     app.command("impasto.cli.height:height", help="Integrate the normals to a map of the height.")
-    app.command("impasto.cli.view:view", help="Show a fitted painting in the browser, in any light.")
+    app.command(
+        "impasto.cli.view:view", help="Show a fitted painting in the browser, in any light."
+    )
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

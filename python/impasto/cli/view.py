@@ -73,7 +73,7 @@ def view(
         stage.note = f"{columns} x {rows} pixels"
     stack = None
     if photographs is not None:
-        options = {} if encoding is None else {"encoding": encoding}
+        options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
         with stages.warned(), stages.stage("photographs") as stage:
             stack = impasto.read_stack(photographs, **options)
             stage.note = f"{len(stack.rig)}"

@@ -31,6 +31,7 @@ PAGE = {
 PICTURE = re.compile(r"picture/(\d{1,5})")
 TILE = re.compile(r"tile/(\d{1,5})/(\d{1,5})/(\d{1,5})")
 
+
 class Subject(Protocol):
     """What the page edits."""
 

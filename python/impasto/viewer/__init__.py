@@ -7,7 +7,7 @@ for.
 """
 
 from impasto.viewer.contents import Contents
-from impasto.viewer.script import script
+from impasto.viewer.scripts import script
 from impasto.viewer.server import ViewServer
 from impasto.viewer.site import Site, write_site
 

@@ -1,4 +1,4 @@
-"""The colours of a painting in every light of the page, as matrices; adaptation is left to the page.
+"""The colours of a painting in every light of the page, as matrices, without adaptation.
 
 For each illuminant the page gets the matrix from coefficients to XYZ and the XYZ of the light, as
 :func:`impasto.colour.xyz_from_coefficients` makes them without adaptation. Adaptation multiplies
@@ -23,8 +23,8 @@ from impasto.colour.adaptation import CONES_FROM_XYZ
 from impasto.colour.illuminants import SECOND_RADIATION_CONSTANT
 from impasto.colour.observers import STANDARD_OBSERVER, matching_functions
 from impasto.colour.temperature import correlated_temperature
-from impasto.illumination import MIXING_GRID, lamp_colours
 from impasto.colour.wavelengths import interpolation_matrix
+from impasto.illumination import MIXING_GRID, lamp_colours
 from impasto.lighting import DENSEST, head_on
 from impasto.rig import FRONTAL, DistantLight
 from impasto.scene import Scene
@@ -147,8 +147,6 @@ def _coat(name: str, label: str, coat: Varnish, reflectance: Any) -> dict[str, A
         "paths": _numbers(paths),
         "films": films,
     }
-
-
 
 
 def _rows(matrix: NDArray[Any]) -> list[list[float]]:

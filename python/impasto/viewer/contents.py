@@ -1,4 +1,4 @@
-"""What the page shows of one painting: a document and files by name, each made when it is needed."""
+"""What the page shows of one painting: a document, and files by name, made when needed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import base64
 import json
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from impasto.viewer.layout import SHOWN, UNIT, UNREAD, Layout
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
 from impasto.viewer.scales import SIDE, Scales, ScalesInMemory, ScalesOfStore, eye_of
-from impasto.viewer.script import page_file, script
+from impasto.viewer.scripts import page_file, script
 
 FORMAT = 1
 """Version of the document; increased when an entry changes its meaning."""
@@ -76,49 +77,25 @@ class Contents:
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-        self._scales: Scales
-        self._has_beneath = False
-        scene = Scene([DistantLight(FIRST_LIGHT)])
         if isinstance(result, StoredSbrdf):
             if reflectance is not None:
                 raise ArgumentError("reflectance: a store has no spectra; load the result instead")
-            count = len(result.bands)
-            bands = None if count in {1, 3} else [count - 1, count // 2, 0]
-            self._scales = ScalesOfStore(result, bands)
-            known = result.statistics() is not None
-            planned: Any = result.plan(scene, bands=bands, threads=threads) if known else None
-            eye = result[:1, :1].eye()
-            pitch = result.pitch_mm if pitch is None else pitch
-            names = list(result.bands if bands is None else np.take(result.bands, bands))
+            painting = _of_store(result, threads)
         else:
-            spectra = result.spectra() if reflectance is None else reflectance
-            lit: Any = visible(result, spectra) if hasattr(result, "with_bands") else result
-            prepared = prepare(lit, scene, reflectance=spectra, threads=threads)
-            surface = prepared.surface
-            beneath: Any
-            planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
-            status = getattr(result, "status", None)
-            beneath = None if spectra is None else metallic(lit.surface())
-            if beneath is not None and np.ndim(beneath) == 0:
-                share = np.float32(beneath)
-                beneath = np.full(surface.shape, share) if share > 0.0 else None
-            self._has_beneath = beneath is not None
-            self._scales = ScalesInMemory(surface, status, beneath)
-            eye, reflectance = lit.eye(), spectra
-            pitch = surface.pitch_mm if pitch is None else pitch
-            names = list(getattr(lit, "bands", ()))
+            painting = _in_memory(result, reflectance, threads)
+        self._scales = painting.scales
         template = self._scales.template
-        self._layout = Layout.of(template, beneath=self._has_beneath)
-        whole = self._scales.scales[0].shape
+        self._layout = Layout.of(template, beneath=painting.beneath)
+        bands, spectra = len(template.diffuse), painting.reflectance
+        rows, columns = self._scales.scales[0].shape
         self._photographs = Photographs(
-            stack, shown, whole, None if reflectance is not None else len(template.diffuse)
+            stack, shown, (rows, columns), bands if spectra is None else None
         )
-        bands_of = len(template.diffuse)
         self.document: dict[str, Any] = {
             "format": FORMAT,
             "title": title,
-            "width": whole[1],
-            "height": whole[0],
+            "width": columns,
+            "height": rows,
             "side": SIDE,
             "scales": [
                 {"factor": one.factor, "width": one.shape[1], "height": one.shape[0]}
@@ -133,32 +110,18 @@ class Contents:
             "index": float(template.index),
             "coated": bool(template.coated),
             "ambient": template.ambient is not None,
-            "beneath": self._has_beneath,
+            "beneath": painting.beneath,
             "relief": template.height is not None,
-            "coefficients": bands_of,
-            "bands": [str(name) for name in names],
-            "pitch": pitch,
-            "origin": [float(value) for value in template.origin]
-            if not isinstance(result, StoredSbrdf)
-            else [float(value) for value in result.rig.origin],
-            "eye": eye_of(eye),
+            "coefficients": bands,
+            "bands": painting.bands,
+            "pitch": painting.pitch_mm if pitch is None else pitch,
+            "origin": painting.origin,
+            "eye": eye_of(painting.eye),
             "light": list(FIRST_LIGHT),
-            "colours": colours_of(reflectance, bands_of),
-            "statuses": {
-                int(one): {
-                    "name": one.name.lower().replace("_", " "),
-                    "reason": one.reason,
-                    "colour": list(STATUS_COLOURS[one]),
-                }
-                for one in Status
-            },
+            "colours": colours_of(spectra, bands),
+            "statuses": _statuses(),
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
-            "effects": []
-            if planned is None
-            else [
-                {"name": one.name, "decision": one.decision, "reason": one.reason}
-                for one in planned.effects
-            ],
+            "effects": painting.effects,
             "photographs": self._photographs.records,
         }
 
@@ -207,6 +170,79 @@ class Contents:
         part = self._scales.part(scale, scale.window(row, column))
         tile = self._layout.tile(part.surface, part.status, part.beneath)
         return _called(f"tiles/{number}/{row}-{column}", tile)
+
+
+@dataclass(frozen=True)
+class _Painting:
+    """What the document says of a painting, wherever its maps are."""
+
+    scales: Scales
+    effects: list[dict[str, str]]
+    eye: Any
+    pitch_mm: float | None
+    origin: list[float]
+    bands: list[str]
+    reflectance: Any = None
+    beneath: bool = False
+
+
+def _of_store(stored: StoredSbrdf, threads: int | None) -> _Painting:
+    count = len(stored.bands)
+    chosen = None if count in {1, 3} else [count - 1, count // 2, 0]
+    # Jobs keep the statistics that a plan needs; of another store every map would be read.
+    planned: Any = None
+    if stored.statistics() is not None and chosen is None:
+        planned = stored.plan(_first_scene(), threads=threads)
+    return _Painting(
+        scales=ScalesOfStore(stored, chosen),
+        effects=[] if planned is None else _effects(planned.effects),
+        eye=stored[:1, :1].eye(),
+        pitch_mm=stored.pitch_mm,
+        origin=[float(value) for value in stored.rig.origin],
+        bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
+    )
+
+
+def _in_memory(result: Relightable, reflectance: Any, threads: int | None) -> _Painting:
+    spectra = result.spectra() if reflectance is None else reflectance
+    lit: Any = visible(result, spectra) if hasattr(result, "with_bands") else result
+    scene = _first_scene()
+    surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
+    planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
+    beneath: Any = None
+    if spectra is not None:
+        share = metallic(lit.surface())
+        beneath = share if np.ndim(share) else np.full(surface.shape, share, np.float32)
+        beneath = beneath if (beneath > 0.0).any() else None
+    return _Painting(
+        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath),
+        effects=_effects(planned.effects),
+        eye=lit.eye(),
+        pitch_mm=surface.pitch_mm,
+        origin=[float(value) for value in surface.origin],
+        bands=[str(name) for name in getattr(lit, "bands", ())],
+        reflectance=spectra,
+        beneath=beneath is not None,
+    )
+
+
+def _first_scene() -> Scene:
+    return Scene([DistantLight(FIRST_LIGHT)])
+
+
+def _effects(effects: Any) -> list[dict[str, str]]:
+    return [{"name": one.name, "decision": one.decision, "reason": one.reason} for one in effects]
+
+
+def _statuses() -> dict[int, Any]:
+    return {
+        int(one): {
+            "name": one.name.lower().replace("_", " "),
+            "reason": one.reason,
+            "colour": list(STATUS_COLOURS[one]),
+        }
+        for one in Status
+    }
 
 
 def _called(name: str, data: bytes) -> bytes:

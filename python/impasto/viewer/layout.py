@@ -18,7 +18,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.status import Status
 from impasto.surface import SHAPES, Surface
 
 UNIT = 32767
@@ -164,11 +163,6 @@ def status_at(status: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
     """The status of the pixel in the middle of every ``factor`` x ``factor``."""
     middle = factor // 2
     return status[middle::factor, middle::factor] if factor > 1 else status
-
-
-def status_names() -> dict[int, str]:
-    """What each status says, in words."""
-    return {int(one): one.reason for one in Status}
 
 
 def _planes(part: Surface) -> dict[str, NDArray[Any]]:

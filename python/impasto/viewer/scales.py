@@ -89,9 +89,13 @@ class Part:
 class Scales(Protocol):
     """Parts of a painting at any of its scales."""
 
-    scales: tuple[Scale, ...]
-    template: Surface
-    """A part, for what is no map."""
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """From the painting itself to the smallest."""
+
+    @property
+    def template(self) -> Surface:
+        """A part, for what is no map."""
 
     def part(self, scale: Scale, window: Window) -> Part:
         """Its maps."""
@@ -116,7 +120,7 @@ class ScalesInMemory:
         status: NDArray[np.uint8] | None = None,
         beneath: NDArray[np.float32] | None = None,
     ) -> None:
-        self.template = surface
+        self._template = surface
         self._status = status
         self._levels = [surface]
         self._beneath = [beneath]
@@ -126,7 +130,17 @@ class ScalesInMemory:
             self._levels.append(replace(smaller, height=height))
             share = self._beneath[-1]
             self._beneath.append(None if share is None else _halved(share))
-        self.scales = tuple(Scale(2**n, one.shape) for n, one in enumerate(self._levels))
+        self._scales = tuple(Scale(2**n, one.shape) for n, one in enumerate(self._levels))
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """See :class:`Scales`."""
+        return self._scales
+
+    @property
+    def template(self) -> Surface:
+        """The surface."""
+        return self._template
 
     def part(self, scale: Scale, window: Window) -> Part:
         """See :class:`Scales`."""
@@ -164,7 +178,12 @@ class ScalesOfStore:
             )
         self._stored, self._bands = stored, bands
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
-        self.scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
+        self._scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """See :class:`Scales`."""
+        return self._scales
 
     @cached_property
     def template(self) -> Surface:
@@ -193,7 +212,8 @@ def _halved(plane: NDArray[np.float32]) -> NDArray[np.float32]:
     """Means of 2 x 2 numbers; NaN counts as 0."""
     rows, columns = (size // 2 for size in plane.shape)
     known = np.nan_to_num(plane[: 2 * rows, : 2 * columns], nan=0.0)
-    return known.reshape(rows, 2, columns, 2).mean(axis=(1, 3), dtype=np.float32)
+    means = known.reshape(rows, 2, columns, 2).mean(axis=(1, 3), dtype=np.float32)
+    return np.asarray(means)
 
 
 def cut(surface: Surface, window: Window) -> Surface:

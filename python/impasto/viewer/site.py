@@ -140,8 +140,10 @@ def _check(target: Path) -> None:
     inside = {one.name for one in target.iterdir()}
     if not inside:
         return
-    document = target / "document.js"
-    own = document.is_file() and document.open("rb").read(len(MARK)) == MARK
+    own = False
+    if (target / "document.js").is_file():
+        with (target / "document.js").open("rb") as document:
+            own = document.read(len(MARK)) == MARK
     if foreign := sorted(inside if not own else inside - OWN):
         raise ArgumentError(
             f"folder: {target} holds {foreign[0]}, which is no part of a site of impasto; give "

@@ -27,7 +27,14 @@ from impasto.fit.stored.planning import plan_parts
 from impasto.io.images.bands_of_rows import TIFF_TILE, check_suffix, write_tiff_rows
 from impasto.io.results import checked_maps, result_file
 from impasto.io.results.zarr_arrays import ZarrArray, need_zarr
-from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array, read_window, statistics_of
+from impasto.io.results.zarr_store import (
+    Levels,
+    contents,
+    levels_of,
+    read_array,
+    read_window,
+    statistics_of,
+)
 from impasto.level import Level, level_of_sample, sample_step
 from impasto.picture import Backend, Fidelity
 from impasto.rig import Rig
