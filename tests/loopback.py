@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import http.client
 import json
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from impasto._internal.loopback import LoopbackServer
@@ -68,3 +72,41 @@ def request(
                    dict(answer.getheaders()))  # fmt: skip
     connection.close()
     return found
+
+
+@contextmanager
+def running(words: list[str], folder: Path) -> Iterator[str]:
+    """The address that a command prints; Ctrl-C then ends it without an error."""
+    code = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it\n"
+        "from impasto.cli import main\n"
+        f"raise SystemExit(main({words}))\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stderr is not None
+            line = ""
+            while "http://" not in line:
+                line = process.stderr.readline()
+                assert line, "the command ended before it printed an address"
+            yield line.strip()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0
+            assert "Traceback" not in process.stderr.read()
+        finally:
+            process.kill()
+
+
+def fetched(url: str) -> bytes:
+    """What a browser gets from an address."""
+    host, _, path = url.removeprefix("http://").partition("/")
+    connection = http.client.HTTPConnection(host, timeout=20)
+    connection.request("GET", f"/{path}")
+    answer = connection.getresponse()
+    assert answer.status == 200
+    data = answer.read()
+    connection.close()
+    return data

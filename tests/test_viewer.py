@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 import chromium
 import impasto
 from impasto.surface import Lobe, Surface
-from impasto.viewer import write_site
+from impasto.viewer import Contents, ViewServer, write_site
+from loopback import serving
 
 SHAPE = (24, 40)
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
@@ -117,7 +119,7 @@ SCENES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
     chromium.needed()
     folder = tmp_path_factory.mktemp("profile")
-    with chromium.Chromium(folder, size=(900, 600)) as started:
+    with chromium.Chromium(folder, size=(800, 420)) as started:
         yield started
 
 
@@ -158,3 +160,190 @@ def test_the_page_has_the_pixels_of_the_renderer(
             assert image.display[known].std() > 5, "a picture that shows something"
             assert worst <= 1, (name, page, worst)
     assert len(off) == len(SCENES) >= 20
+
+
+def test_a_store_is_shown_at_all_its_scales(browser: chromium.Chromium, tmp_path: Path) -> None:
+    """Tiles are cut anew of the store's own, which are smaller here; each scale is as rendered."""
+    random = np.random.default_rng(3)
+    lights = [[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]
+    true = Surface(normals(random, (270, 300)), random.uniform(0.2, 0.7, (3, 270, 300)))
+    stack = impasto.Stack(true.predict(lights), lights=impasto.Rig(lights, pitch_mm=0.1))
+    out = impasto.run(stack, tmp_path / "a.zarr", tile=128, pooling="none")
+    stored = impasto.open_sbrdf(out)
+    assert stored.factors[:2] == (2, 4)
+    scene = impasto.Scene([LAMP(np.pi / 2, np.pi / 4)])
+    with serving(ViewServer(Contents(stored))) as server:
+        browser.open(server.url)
+        for scale, painting in enumerate((impasto.load_sbrdf(out), stored.level(2))):
+            expected = impasto.render(painting, scene, fidelity="model").display
+            codes = shown(browser, {}, scale)[..., :3].astype(int)
+            assert codes.shape == expected.shape
+            assert np.abs(codes - expected).max() <= 1
+        # A view of single pixels loads no tile that is not seen.
+        browser.open(f"{server.url}#view=10,10,40")
+        names = browser.value("[...window.impasto.viewer.renderer.textures.keys()].sort().join()")
+        assert names == f"0/0-0,{len(stored.factors)}/0-0"
+        browser.value("window.impasto.viewer.inspect(12, 11)")
+        status = browser.value("document.querySelector('dl.values').textContent")
+    assert "column 12, row 11" in status
+    assert re.search(r"1\.[23] mm from the left, 1\.[12] mm from the top", status)
+    code = int(stored.map("status", slice(11, 12), slice(12, 13))[0, 0])
+    assert impasto.Status(code).reason in status
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The address of a page on a disk, with all that a result can have."""
+    surface, _ = surfaces()["pixels"]
+    lights = [[0.0, 0.6, 0.8], [0.6, 0.0, 0.8]]
+    stack = impasto.Stack(np.nan_to_num(surface.predict(lights)), lights=lights)
+    folder = tmp_path_factory.mktemp("pages") / "site"
+    write_site(surface, folder, stack=stack, title="Icon <i>1</i>", pitch_mm=0.5)
+    return (folder / "index.html").as_uri()
+
+
+@pytest.fixture
+def opened(browser: chromium.Chromium, site: str) -> chromium.Chromium:
+    """The page as it is when it opens; loaded anew only where another one is shown."""
+    if browser.value("location.href.split('#')[0]") != site:
+        browser.open(site)
+    browser.value(
+        "(() => { const { viewer } = window.impasto; viewer.notes = []; viewer.choose('light');"
+        " viewer.set({ ...viewer.first }); viewer.canvas.focus(); })()"
+    )
+    return browser
+
+
+def state(browser: chromium.Chromium) -> dict[str, Any]:
+    return dict(browser.value("window.impasto.viewer.state"))
+
+
+def test_the_light_follows_pointer_and_keys(opened: chromium.Chromium) -> None:
+    box = opened.value(
+        "(() => { const b = document.querySelector('canvas').getBoundingClientRect();"
+        " return [b.x, b.y, b.width, b.height]; })()"
+    )
+    middle = box[0] + box[2] / 2, box[1] + box[3] / 2
+    reach = 0.48 * min(box[2:])
+    # Half way from the middle to the edge, to the right: cos(elevation) is 1/2.
+    opened.drag(middle, (middle[0] + reach / 2, middle[1]))
+    found = state(opened)
+    assert found["elevation"] == pytest.approx(60.0, abs=0.5)
+    assert min(found["azimuth"], 360 - found["azimuth"]) < 0.5
+    assert opened.value("document.querySelector('.readout').textContent") == (
+        "Light from the right, 60° high"
+    )
+    for _ in range(40):  # never below the horizon
+        opened.key("ArrowRight")
+    assert state(opened)["elevation"] == pytest.approx(2.0)
+    opened.key("r")
+    assert (state(opened)["azimuth"], state(opened)["elevation"]) == (45.0, 10)
+    opened.key("i")
+    assert opened.value("document.querySelector('[aria-pressed=true]').textContent") == "Inspect"
+    opened.drag(middle, middle)
+    opened.until("document.querySelector('dl.values') !== null")
+    column, row = state(opened)["pixel"]
+    assert (abs(column - SHAPE[1] // 2) <= 1, abs(row - SHAPE[0] // 2) <= 2) == (True, True)
+    assert opened.value("document.querySelectorAll('aside svg.plot').length") == 1
+
+
+def test_a_link_shows_the_same_again(opened: chromium.Chromium) -> None:
+    changes = {
+        "azimuth": 200.0, "elevation": 15.0, "near": 120.0, "exposure": 1.5, "layer": "width",
+        "gloss": False, "tilt": 30, "towards": 45, "view": [10.0, 12.0, 8.0], "pixel": [3, 4],
+    }  # fmt: skip
+    before = opened.value(
+        f"(() => {{ const {{ viewer }} = window.impasto; viewer.set({json.dumps(changes)});"
+        " viewer.link(); return viewer.state; })()"
+    )
+    address = opened.value("location.href")
+    opened.open(address)
+    assert state(opened) == before == before | changes
+    opened.value("location.hash = 'light=30,40'")
+    opened.until("window.impasto.viewer.state.azimuth === 30")
+    # Whatever stands behind #, the page shows something.
+    for text in (
+        "light=NaN,1e999", "view=0,0,0&pixel=-1,99999", "d=7&illuminant=%00&layer=x", "&&=",
+        "photograph=99", "light=1&near=-5&eye=5,500&off=x,,gloss",
+    ):  # fmt: skip
+        opened.value(f"location.hash = {json.dumps(text)}")
+        opened.value("new Promise(done => setTimeout(done, 0))")  # the page is told later
+        found = state(opened)
+        assert 2 <= found["elevation"] <= 90
+        assert found["layer"] == "picture"
+        assert found["photograph"] == -1
+
+
+def test_a_photograph_is_compared_in_its_own_light(opened: chromium.Chromium) -> None:
+    """It is what the model predicts: the page's difference is that of two roundings."""
+    opened.value("window.impasto.viewer.compareWith(1)")
+    opened.until("window.impasto.viewer.renderer.photographs.has(1)")
+    opened.value("window.impasto.viewer.set({ compare: 'difference', split: 0 })")
+    bright = (
+        "new Promise(done => requestAnimationFrame(() => { const { renderer, doc } = "
+        "window.impasto.viewer; window.impasto.viewer.draw(0); const { gl, canvas } = renderer;"
+        "const data = new Uint8Array(4 * canvas.width * canvas.height);"
+        "gl.bindFramebuffer(gl.FRAMEBUFFER, null);"
+        "gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);"
+        "const steps = [];"
+        "for (let i = 0; i < data.length; i += 4) if (data[i + 3] === 255) steps.push("
+        "  doc.ramp.findIndex(c => c[0] === data[i] && c[1] === data[i+1] && c[2] === data[i+2]));"
+        "done([steps.length, Math.min(...new Set(steps)), Math.max(...new Set(steps)),"
+        "  steps.filter(s => s > 13).length]); }))"
+    )
+    count, least, most, large = opened.value(bright)
+    assert count > 1000
+    assert least == 0
+    # 255 steps are 20 CIEDE2000; a code of 8 bits is up to 1 of it in the dark (13 steps).
+    assert large < 0.002 * count, most
+    # In another light it is not: the map is no constant.
+    opened.value(
+        "window.impasto.viewer.doc.photographs[1].direction = [-0.6, 0, 0.8];"
+        "window.impasto.viewer.changed()"
+    )
+    assert opened.value(bright)[3] > 0.5 * count
+    opened.value("window.impasto.viewer.doc.photographs[1].direction = [0.6, 0, 0.8]")
+
+
+def test_nothing_is_asked_of_another_host(opened: chromium.Chromium) -> None:
+    names = opened.value("performance.getEntriesByType('resource').map(entry => entry.name)")
+    assert all(name.startswith(("file:", "blob:", "data:")) for name in names)
+    blocked = opened.value(
+        "new Promise(done => { document.addEventListener('securitypolicyviolation',"
+        " event => done(event.effectiveDirective));"
+        " new Image().src = 'http://127.0.0.1:9/x.png'; })"
+    )
+    assert blocked == "img-src"
+    refused = opened.value("fetch('http://127.0.0.1:9/').then(() => 'sent', () => 'refused')")
+    assert refused == "refused"
+
+
+def test_notes_are_web_annotations(opened: chromium.Chromium) -> None:
+    opened.key("n")
+    opened.value("window.impasto.viewer.askNote([2, 3, 10, 5])")
+    opened.value("document.querySelector('textarea').value = 'a <b>loss</b>'")
+    opened.click("dialog .main")
+    opened.until("window.impasto.viewer.notes.length === 1")
+    (found,) = opened.value("window.impasto.viewer.notes")
+    assert found["@context"] == "http://www.w3.org/ns/anno.jsonld"
+    assert (found["type"], found["body"]["type"]) == ("Annotation", "TextualBody")
+    assert found["body"]["value"] == "a <b>loss</b>"
+    assert found["target"]["selector"] == {
+        "type": "FragmentSelector", "conformsTo": "http://www.w3.org/TR/media-frags/",
+        "value": "xywh=pixel:2,3,10,5",
+    }  # fmt: skip
+    assert "<b>" in opened.value("document.querySelector('.notes').textContent")
+    page = json.dumps({"type": "AnnotationPage", "items": [found | {"id": "urn:x"}, {"bad": 1}]})
+    opened.value(f"window.impasto.viewer.openNotes(new File([{json.dumps(page)}], 'n.json'))")
+    assert opened.value("window.impasto.viewer.notes.length") == 2
+
+
+def test_controls_have_names(opened: chromium.Chromium) -> None:
+    """Every control that a screen reader meets says what it is."""
+    opened.value("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    nodes = opened.call("Accessibility.getFullAXTree")["nodes"]
+    roles = {"button", "slider", "checkbox", "radio", "spinbutton", "application", "textbox"}
+    controls = [node for node in nodes if node.get("role", {}).get("value") in roles]
+    assert len(controls) > 25
+    nameless = [node["role"]["value"] for node in controls if not node.get("name", {}).get("value")]
+    assert nameless == []

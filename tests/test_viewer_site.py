@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,11 +15,12 @@ import numpy as np
 import pytest
 
 import impasto
+from impasto.cli import main
 from impasto.surface import Surface
 from impasto.viewer import Contents, Site, ViewServer, script, write_site
 from impasto.viewer.layout import SHOWN, UNIT, Layout
 from impasto.viewer.scripts import page_file
-from loopback import request, serving
+from loopback import fetched, request, running, serving
 
 LARGEST_PAGE = 150_000
 """Bytes of script and style, which must arrive before anything is shown."""
@@ -207,3 +209,37 @@ def test_photographs_must_be_of_the_painting() -> None:
     fine = impasto.Stack(random.uniform(0.1, 0.5, (3, 3, 20, 30)), lights=lights)
     with pytest.raises(impasto.ArgumentError, match="photograph"):
         Contents(surface(), stack=fine, shown=[7])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_the_command_shows_a_result_until_ctrl_c(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    lights = [[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]
+    samples = surface().predict(lights) + random.normal(0.0, 1e-3, (4, 3, 20, 30))
+    impasto.fit_sbrdf(impasto.Stack(samples, lights=lights), pooling="none").save(
+        tmp_path / "painting.npz"
+    )
+    with running(["view", "painting.npz", "--no-browser", "--pitch", "0.25"], tmp_path) as url:
+        assert fetched(url).startswith(b"<!doctype html>")
+        document = fetched(f"{url}document.js").decode()
+        assert '"title":"painting.npz"' in document
+        assert '"pitch":0.25' in document
+        assert fetched(f"{url}tiles/0/0-0.js").startswith(b"window.impasto.arrived(")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("nowhere", "nowhere does not exist"),
+        ("nowhere --port 70000", "--port: expected 0 to 65535"),
+        ("nowhere --pitch -1", "--pitch"),
+        ("nowhere --threads 0", "--threads"),
+    ],
+)
+def test_mistakes_are_named(
+    words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["view", *words.split(), "--no-browser"]) == 1
+    assert said in capsys.readouterr().err

@@ -6,6 +6,7 @@ import { directionOf } from "./state.js";
 import { VERTEX, fragment, SHOW_VERTEX, SHOW_FRAGMENT } from "./shader.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
+const SHARP = 4; // pixels of the canvas that one of a map is wide, from which on it keeps its edges
 const LAYERS = { picture: 0, colour: 1, normals: 2, width: 3, strength: 4, height: 5, status: 6 };
 export const MOST_DIFFERENCE = 20; // CIEDE2000 at the end of the ramp
 
@@ -257,6 +258,7 @@ export class Renderer {
     gl.uniform1i(at("uCompare"), photograph ? (state.compare === "difference" ? 2 : 1) : 0);
     gl.uniform1f(at("uSplit"), state.split * this.canvas.width);
     this.bind(1, photograph ?? this.blank);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, zoom > SHARP ? gl.NEAREST : gl.LINEAR);
     this.bind(2, this.ramp);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -265,7 +267,7 @@ export class Renderer {
       const size = doc.scales[number].factor;
       this.bind(0, tile.picture);
       // Single pixels keep their edges once they are large.
-      const filter = size * zoom > 4 ? gl.NEAREST : gl.LINEAR;
+      const filter = size * zoom > SHARP ? gl.NEAREST : gl.LINEAR;
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
       gl.uniform4f(at("uTile"), column * doc.side * size, row * doc.side * size, tile.width * size, tile.height * size);
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
