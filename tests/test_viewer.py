@@ -162,6 +162,63 @@ def test_the_page_has_the_pixels_of_the_renderer(
     assert len(off) == len(SCENES) >= 20
 
 
+def encoded(linear: NDArray[Any]) -> NDArray[Any]:
+    """8-bit codes of IEC 61966-2-1, before rounding."""
+    light = np.clip(linear.astype(float), 0.0, 1.0)
+    return 255.0 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+@pytest.mark.parametrize("name", ["pixels", "lafortune"])
+def test_from_the_side_it_has_the_light_of_the_model(
+    browser: chromium.Chromium, tmp_path: Path, name: str
+) -> None:
+    """Each pixel as :meth:`Surface.predict` has it for this view; one code, as in front."""
+    surface, _ = surfaces()[name]
+    write_site(surface, tmp_path / "site")
+    browser.open((tmp_path / "site" / "index.html").as_uri())
+    azimuth, tilt, light = np.radians(250.0), np.radians(50.0), (0.0, 0.5**0.5, 0.5**0.5)
+    view = (np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt))
+    expected = encoded(surface.predict([light], view)[0])
+    codes = shown(browser, {"towards": 250, "tilt": 50})
+    known = np.isfinite(expected).all(axis=0)
+    found = np.moveaxis(codes[..., :3].astype(float), -1, 0)
+    front = encoded(surface.predict([light])[0])
+    assert np.abs(front - expected)[:, known].max() > 20, "the view counts"
+    assert np.abs(found - expected)[:, known].max() <= 1.0
+
+
+def test_relief_moves_what_is_seen_from_the_side(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    """A bright square 2 mm above a dark ground, seen from the right: it moves left by h sin(tilt).
+
+    Its left edge is measured, in pixels of the canvas: the wall below it is hidden. A cell of the
+    grid, a third of a pixel of the painting, is 2 columns wide there, and pixels are whole.
+    """
+    height = np.zeros(SHAPE, np.float32)
+    height[8:16, 16:24] = 2.0
+    diffuse = np.where(height > 0, 0.9, 0.02) * np.ones((3, 1, 1), np.float32)
+    normal = np.zeros((3, *SHAPE), np.float32)
+    normal[2] = 1.0
+    flat = Surface(normal, diffuse.astype(np.float32), height=height, pitch_mm=0.5)
+    write_site(flat, tmp_path / "site")
+    browser.open((tmp_path / "site" / "index.html").as_uri())
+    edge = (
+        "(relief => { const { viewer } = window.impasto, { gl, canvas } = viewer.renderer;"
+        "viewer.set({ ...viewer.first, tilt: 40, towards: 0, relief, view: [20, 12, 9] });"
+        "viewer.draw(0); const data = new Uint8Array(4 * canvas.width * canvas.height);"
+        "gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, data);"
+        "let left = Infinity, count = 0;"
+        "for (let i = 0; i < canvas.width * canvas.height; i++)"
+        "  if (data[4 * i] > 150) { left = Math.min(left, i % canvas.width); count++; }"
+        "return [left, count]; })"
+    )
+    (before, area), (after, _) = (browser.value(f"{edge}({times})") for times in (0, 1))
+    # Foreshortened: 8 columns of 9 pixels times cos(40 degrees), 8 rows.
+    assert area == pytest.approx(8 * 9 * np.cos(np.radians(40.0)) * 8 * 9, rel=0.1)
+    assert after - before == pytest.approx(-2.0 / 0.5 * 9 * np.sin(np.radians(40.0)), abs=3.0)
+
+
 def test_a_store_is_shown_at_all_its_scales(browser: chromium.Chromium, tmp_path: Path) -> None:
     """Tiles are cut anew of the store's own, which are smaller here; each scale is as rendered."""
     random = np.random.default_rng(3)

@@ -6,14 +6,17 @@ import base64
 import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import length_mm
+from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
+from impasto.height import integrate_normals
 from impasto.lighting import metallic, prepare
 from impasto.overview import visible
 from impasto.pictures import STATUS_COLOURS, colour_ramp
@@ -21,7 +24,7 @@ from impasto.plan import plan
 from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.status import Status
-from impasto.surface import Relightable
+from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
 from impasto.viewer.layout import SHOWN, UNIT, UNREAD, Layout
 from impasto.viewer.photographs import Photographs
@@ -33,6 +36,8 @@ FORMAT = 1
 """Version of the document; increased when an entry changes its meaning."""
 FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
+FEWEST = 100
+"""Normals of which heights are made: a plane through fewer is none."""
 TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})\.js")
 PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})\.js")
 
@@ -56,6 +61,9 @@ class Contents:
         Above the page.
     pitch_mm
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
+    height
+        ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
+        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
     threads
         None means every allowed core.
 
@@ -74,15 +82,18 @@ class Contents:
         shown: Any = None,
         title: str = "",
         pitch_mm: float | None = None,
+        height: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
         if isinstance(result, StoredSbrdf):
             if reflectance is not None:
                 raise ArgumentError("reflectance: a store has no spectra; load the result instead")
+            if height is not None:
+                raise ArgumentError("height: a store is shown without; load the result instead")
             painting = _of_store(result, threads)
         else:
-            painting = _in_memory(result, reflectance, threads)
+            painting = _in_memory(result, reflectance, height, pitch, threads)
         self._scales = painting.scales
         template = self._scales.template
         self._layout = Layout.of(template, beneath=painting.beneath)
@@ -203,11 +214,18 @@ def _of_store(stored: StoredSbrdf, threads: int | None) -> _Painting:
     )
 
 
-def _in_memory(result: Relightable, reflectance: Any, threads: int | None) -> _Painting:
+def _in_memory(
+    result: Relightable,
+    reflectance: Any,
+    height: ArrayLike | None,
+    pitch: float | None,
+    threads: int | None,
+) -> _Painting:
     spectra = result.spectra() if reflectance is None else reflectance
     lit: Any = visible(result, spectra) if hasattr(result, "with_bands") else result
     scene = _first_scene()
     surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
+    surface = replace(surface, height=_relief(surface, height, pitch, threads))
     planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
     beneath: Any = None
     if spectra is not None:
@@ -224,6 +242,23 @@ def _in_memory(result: Relightable, reflectance: Any, threads: int | None) -> _P
         reflectance=spectra,
         beneath=beneath is not None,
     )
+
+
+def _relief(
+    surface: Surface, height: ArrayLike | None, pitch: float | None, threads: int | None
+) -> NDArray[np.float32] | None:
+    """Heights in mm, or in pixels where their width is not known; None where nothing is known."""
+    if height is not None:
+        found = floats(height)
+        if found.shape != surface.shape:
+            raise ArgumentError(f"height: expected {surface.shape}, found shape {found.shape}")
+        return found
+    if surface.height is not None:
+        return surface.height
+    if int((surface.normal[2] > 0).sum()) < FEWEST:
+        return None
+    width = surface.pitch_mm if pitch is None else pitch
+    return integrate_normals(surface.normal, width or 1.0, level=True, threads=threads)
 
 
 def _first_scene() -> Scene:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
@@ -54,6 +56,7 @@ def write_site(
     shown: Any = None,
     title: str = "",
     pitch_mm: float | None = None,
+    height: ArrayLike | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Site:
@@ -81,6 +84,9 @@ def write_site(
         Above the page; default: none.
     pitch_mm
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
+    height
+        ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
+        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)`` in files.
 
@@ -105,6 +111,7 @@ def write_site(
         shown=shown,
         title=title,
         pitch_mm=pitch_mm,
+        height=height,
         threads=threads,
     )
     names = list(contents.names())

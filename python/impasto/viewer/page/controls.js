@@ -185,8 +185,13 @@ function effectSection(app, updates) {
 function viewSection(app, updates) {
   const tilt = slider("Tilt", { min: 0, max: 75, step: 1 }, value => app.set({ tilt: value }), degrees);
   const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: value }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
-  updates.push(state => { tilt.update(state.tilt); towards.update(state.towards); towards.element.hidden = !state.tilt; });
-  return section("View", false, tilt.element, towards.element,
+  const relief = slider("Relief", { min: 0, max: 10, step: 0.5 }, value => app.set({ relief: value }), value => `${value} times`);
+  updates.push(state => {
+    for (const [one, value] of [[tilt, state.tilt], [towards, state.towards], [relief, state.relief]]) one.update(value);
+    towards.element.hidden = !state.tilt;
+    relief.element.hidden = !state.tilt || !app.doc.relief;
+  });
+  return section("View", false, tilt.element, towards.element, relief.element,
     h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel")));
 }
 

@@ -3,10 +3,11 @@
 import { displayColours } from "./colour.js";
 import { groupsOf } from "./half.js";
 import { directionOf } from "./state.js";
-import { VERTEX, fragment, SHOW_VERTEX, SHOW_FRAGMENT } from "./shader.js";
+import { SHOW_FRAGMENT, VERTEX, fragment, showVertex } from "./shader.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
 const SHARP = 4; // pixels of the canvas that one of a map is wide, from which on it keeps its edges
+const CELLS = 128; // of the grid of a tile whose heights are shown
 const LAYERS = { picture: 0, colour: 1, normals: 2, width: 3, strength: 4, height: 5, status: 6 };
 export const MOST_DIFFERENCE = 20; // CIEDE2000 at the end of the ramp
 
@@ -14,11 +15,12 @@ export class Renderer {
   constructor(canvas, doc) {
     this.doc = doc;
     this.canvas = canvas;
-    const gl = canvas.getContext("webgl2", { alpha: true, antialias: false, depth: false, stencil: false });
+    const gl = canvas.getContext("webgl2", { alpha: true, antialias: false, depth: this.doc.relief, stencil: false });
     if (!gl) throw new Error("This browser has no WebGL 2, which shows the painting. A current Firefox, Chrome, Edge or Safari has.");
     this.gl = gl;
     this.textures = new Map(); // name: { groups, picture, frame, key, bytes, width, height }
     this.version = 0;
+    this.heights = doc.groups.findIndex(group => group.planes.includes("height"));
     this.ranges = { width: [-12, 0], strength: [-12, 0], height: [0, 1] };
     this.restart();
   }
@@ -28,7 +30,8 @@ export class Renderer {
     const gl = this.gl;
     this.textures.clear();
     this.light = this.program(VERTEX, fragment(this.doc));
-    this.show = this.program(SHOW_VERTEX, SHOW_FRAGMENT);
+    this.flat = this.program(showVertex(this.doc, false), SHOW_FRAGMENT);
+    this.displaced = null;
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.ramp = this.row(this.doc.ramp);
     const statuses = Array.from({ length: 256 }, (_, code) => this.doc.statuses[code]?.colour ?? [255, 0, 255]);
@@ -240,14 +243,24 @@ export class Renderer {
   }
 
   // Show tiles on the canvas, in order. `clip`: from pixels of the painting to the canvas, columns of a matrix.
-  draw(names, { clip, zoom, state }) {
-    const gl = this.gl, doc = this.doc, { program, at } = this.show;
+  // `relief`: where heights displace what is seen.
+  draw(names, { clip, zoom, state, relief }) {
+    const gl = this.gl, doc = this.doc;
+    if (relief) this.displaced ??= this.program(showVertex(doc, true), SHOW_FRAGMENT);
+    const { program, at } = relief ? this.displaced : this.flat;
     const lit = names.map(name => [name, this.lit(name)]);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(program);
+    if (relief) {
+      gl.enable(gl.DEPTH_TEST);
+      gl.uniform1i(at("uHeights"), 3);
+      gl.uniform1i(at("uCells"), CELLS);
+      gl.uniform2fv(at("uShift"), relief.shift);
+      gl.uniform3fv(at("uDepth"), relief.depth);
+    }
     gl.uniformMatrix3fv(at("uClip"), false, clip);
     gl.uniform2f(at("uSize"), doc.width, doc.height);
     gl.uniform1i(at("uPicture"), 0);
@@ -270,7 +283,13 @@ export class Renderer {
       const filter = size * zoom > SHARP ? gl.NEAREST : gl.LINEAR;
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
       gl.uniform4f(at("uTile"), column * doc.side * size, row * doc.side * size, tile.width * size, tile.height * size);
-      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+      if (relief) {
+        gl.activeTexture(gl.TEXTURE3);
+        gl.bindTexture(gl.TEXTURE_2D_ARRAY, tile.groups[this.heights]);
+        gl.uniform2i(at("uTexels"), tile.width, tile.height);
+        gl.drawArrays(gl.TRIANGLES, 0, 6 * CELLS * CELLS);
+      } else gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     }
+    gl.disable(gl.DEPTH_TEST);
   }
 }

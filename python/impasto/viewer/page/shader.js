@@ -224,19 +224,38 @@ ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse
 }`;
 }
 
-export const SHOW_VERTEX = `#version 300 es
+// `displaced`: a tile is a grid whose corners stand at their heights, as an eye at the side sees them.
+export function showVertex(doc, displaced) {
+  const unit = doc.groups.findIndex(group => group.planes.includes("height"));
+  const at = displaced ? doc.groups[unit].planes.indexOf("height") : 0;
+  return `#version 300 es
+precision highp float;
+precision highp sampler2DArray;
 uniform vec4 uTile;   // left, top, width, height on the painting, in pixels
 uniform mat3 uClip;   // from the painting to the canvas
 uniform vec2 uSize;   // of the painting
+${displaced ? `uniform sampler2DArray uHeights;
+uniform ivec2 uTexels;
+uniform int uCells;   // of the grid, along a side
+uniform vec2 uShift;  // on the canvas, for a mm of height
+uniform vec3 uDepth;  // away from the eye, for a column, a row and a mm of height` : ""}
 out vec2 vTexture;
 out vec2 vPainting;
 void main() {
-  vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
-  vec2 at = uTile.xy + corner * uTile.zw;
-  vTexture = corner;
-  vPainting = at / uSize;
-  gl_Position = vec4((uClip * vec3(at, 1.0)).xy, 0.0, 1.0);
+${displaced ? `  int cell = gl_VertexID / 6, corner = gl_VertexID % 6;
+  // Two triangles: corners 0 1 2 and 2 1 3.
+  int which = corner < 3 ? corner : corner == 3 ? 2 : corner == 4 ? 1 : 3;
+  ivec2 node = ivec2(cell % uCells, cell / uCells) + ivec2(which & 1, which >> 1);
+  vTexture = vec2(node) / float(uCells);
+  ivec2 texel = min(ivec2(vTexture * vec2(uTexels)), uTexels - 1);
+  float height = texelFetch(uHeights, ivec3(texel, ${at >> 2}), 0).${"xyzw"[at & 3]};` : `  vTexture = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));`}
+  vec2 place = uTile.xy + vTexture * uTile.zw;
+  vPainting = place / uSize;
+  gl_Position = vec4((uClip * vec3(place, 1.0)).xy, 0.0, 1.0);
+${displaced ? `  gl_Position.xy += uShift * height;
+  gl_Position.z = dot(uDepth, vec3(place, height));` : ""}
 }`;
+}
 
 export const SHOW_FRAGMENT = `#version 300 es
 precision highp float;
@@ -286,6 +305,7 @@ float difference(vec3 one, vec3 other) {
 
 void main() {
   vec4 picture = texture(uPicture, vTexture);
+  if (picture.a == 0.0) discard;
   shown = picture;
   if (uCompare > 0 && gl_FragCoord.x >= uSplit) {
     vec3 photograph = texture(uPhotograph, vPainting).rgb;

@@ -112,8 +112,10 @@ class Viewer {
     if (this.state.view) return this.state.view;
     const { width, height, clientWidth } = this.canvas, ratio = width / clientWidth || 1;
     const [above, below, beside] = [60, 56, 20].map(value => value * ratio);
-    const zoom = Math.max(Math.min((width - 2 * beside) / this.doc.width, (height - above - below) / this.doc.height), 1e-4);
-    return [this.doc.width / 2, this.doc.height / 2 - (above - below) / 2 / zoom, zoom];
+    const [[a, b], [c, d]] = this.turn, { width: columns, height: rows } = this.doc;
+    const across = Math.abs(a) * columns + Math.abs(b) * rows, down = Math.abs(c) * columns + Math.abs(d) * rows;
+    const zoom = Math.max(Math.min((width - 2 * beside) / across, (height - above - below) / down), 1e-4);
+    return [columns / 2, rows / 2 - (above - below) / 2 / zoom / d, zoom];
   }
 
   fit() {
@@ -130,17 +132,32 @@ class Viewer {
     return this.set({ view: [x + place[0] - moved[0], y + place[1] - moved[1], after] });
   }
 
+  // What an eye at the side makes of columns and rows, its right and down: the painting's up stays up.
+  get turn() {
+    if (!this.state.tilt) return [[1, 0], [0, 1]];
+    const [vx, vy, vz] = directionOf(this.state.towards, 90 - this.state.tilt), across = Math.hypot(vx, vz);
+    return [[vz / across, 0], [vx * vy / across, across]];
+  }
+
   // From the painting's pixels (rows down) to those of the canvas: two rows of three numbers.
   get projection() {
     const [x, y, zoom] = this.view, { width, height } = this.canvas;
-    let [a, b, c, d] = [1, 0, 0, 1];
-    if (this.state.tilt) {
-      const [vx, vy, vz] = directionOf(this.state.towards, 90 - this.state.tilt), across = Math.hypot(vx, vz);
-      // Right and up of the eye, the painting's up staying up.
-      [a, b, c, d] = [vz / across, 0, vx * vy / across, across];
-    }
-    const [m, n, o, p] = [zoom * a, zoom * b, zoom * c, zoom * d];
+    const [[m, n], [o, p]] = this.turn.map(row => row.map(value => zoom * value));
     return [[m, n, width / 2 - m * x - n * y], [o, p, height / 2 - o * x - p * y]];
+  }
+
+  // By how much heights move what an eye at the side sees; null: not at all. Right and up of the eye are
+  // (vz, 0, -vx) / a and (-vx vy, a^2, -vy vz) / a with a^2 = vx^2 + vz^2.
+  get displacement() {
+    const { doc, state } = this;
+    if (!state.tilt || !doc.relief || !state.relief) return null;
+    const [vx, vy, vz] = directionOf(state.towards, 90 - state.tilt), across = Math.hypot(vx, vz);
+    const pixels = state.relief / (doc.pitch ?? 1), scale = 2 * this.view[2] * pixels / across;
+    const extent = 2 * Math.hypot(doc.width, doc.height);
+    return {
+      shift: [-vx * scale / this.canvas.width, -vy * vz * scale / this.canvas.height],
+      depth: [-vx / extent, vy / extent, -vz * pixels / extent],
+    };
   }
 
   toCanvas([x, y]) {
@@ -229,7 +246,7 @@ class Viewer {
     this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here]);
     const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.canvas;
     const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
-    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state });
+    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement });
     for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
     if (names.length) {
       this.wait.hidden = true;
