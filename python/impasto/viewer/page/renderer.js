@@ -2,13 +2,13 @@
 
 import { displayColours } from "./colour.js";
 import { groupsOf } from "./half.js";
+import { fresnel } from "./values.js";
 import { directionOf } from "./state.js";
-import { SHOW_FRAGMENT, VERTEX, fragment, showVertex } from "./shader.js";
+import { VERTEX, fragment, showFragment, showVertex } from "./shader.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
 const SHARP = 4; // pixels of the canvas that one of a map is wide, from which on it keeps its edges
 const CELLS = 128; // of the grid of a tile whose heights are shown
-const LAYERS = { picture: 0, colour: 1, normals: 2, width: 3, strength: 4, height: 5, status: 6 };
 export const MOST_DIFFERENCE = 20; // CIEDE2000 at the end of the ramp
 
 export class Renderer {
@@ -29,9 +29,8 @@ export class Renderer {
   restart() {
     const gl = this.gl;
     this.textures.clear();
-    this.light = this.program(VERTEX, fragment(this.doc));
-    this.flat = this.program(showVertex(this.doc, false), SHOW_FRAGMENT);
-    this.displaced = null;
+    this.programs = new Map();
+    this.light = null;
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.ramp = this.row(this.doc.ramp);
     const statuses = Array.from({ length: 256 }, (_, code) => this.doc.statuses[code]?.colour ?? [255, 0, 255]);
@@ -40,6 +39,12 @@ export class Renderer {
     this.photographs = new Map();
     this.vertices = gl.createVertexArray();
     gl.bindVertexArray(this.vertices);
+  }
+
+  // A program for what is asked of it, made once.
+  programFor(key, make) {
+    if (!this.programs.has(key)) this.programs.set(key, this.program(...make()));
+    return this.programs.get(key);
   }
 
   program(vertex, fragment) {
@@ -147,7 +152,7 @@ export class Renderer {
 
   // From now on tiles are lit as a state says.
   setState(state) {
-    const gl = this.gl, doc = this.doc, { program, at } = this.light;
+    const gl = this.gl, doc = this.doc;
     const coat = doc.colours.varnishes.find(one => one.name === state.varnish) ?? null;
     const { view, towards, light, falloff, intensity } = this.geometry(state);
     const far = Math.hypot(...view.slice(0, 3));
@@ -156,26 +161,36 @@ export class Renderer {
       cosines: [towards[2], view[2] / far], intensity: state.photograph >= 0 ? 1 : intensity,
     });
     this.colours = colours;
+    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0, nearView: view[3] > 0 } : {}) };
+    this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
+    const { program, at } = this.light;
     gl.useProgram(program);
     doc.groups.forEach((_, unit) => gl.uniform1i(at(`uGroup${unit}`), unit));
     gl.uniform1i(at("uRamp"), 6);
     gl.uniform1i(at("uStatuses"), 7);
-    gl.uniform4fv(at("uLight"), light);
+    gl.uniform3fv(at("uLight"), light.slice(0, 3));
     gl.uniform1f(at("uFalloff"), falloff);
     gl.uniform1f(at("uIntensity"), intensity);
-    gl.uniform4fv(at("uView"), view[3] ? view : [...view.slice(0, 3).map(value => value / far), 0]);
+    gl.uniform3fv(at("uView"), view.slice(0, 3).map(value => (view[3] ? value : value / far)));
+    const index = coat ? coat.index : doc.index;
+    if (!light[3] && !view[3]) {
+      const sum = light.slice(0, 3).map((value, i) => value + view[i] / far), extent = Math.hypot(...sum);
+      // Lamp and eye face each other: there is no half vector, and nothing is mirrored.
+      const opposed = extent < 1e-3, v_h = opposed ? 1 : Math.min(extent / 2, 1);
+      gl.uniform3fv(at("uHalf"), opposed ? [0, 0, 1] : sum.map(value => value / extent));
+      gl.uniform1f(at("uTwiceOverVH"), 2 / v_h);
+      gl.uniform1f(at("uFresnel"), opposed ? 0 : fresnel(v_h, index));
+    }
     const columns = matrix => matrix[0].flatMap((_, k) => matrix.map(row => row[k]));
     gl.uniform3fv(at("uDiffuse"), columns(colours.diffuse));
     gl.uniform3fv(at("uInterface"), colours.interface);
     const flat = displayColours(doc.colours, { illuminant: doc.colours.illuminants[0].name, adaptation: null, varnish: null, exposure: 0, intensity: 1 });
     gl.uniform3fv(at("uFlat"), columns(flat.diffuse));
-    gl.uniform1f(at("uIndex"), coat ? coat.index : doc.index);
-    const index = coat ? coat.index : doc.index;
+    gl.uniform1f(at("uIndex"), index);
     gl.uniform1f(at("uCoatScale"), 2 / (1 - ((index - 1) / (index + 1)) ** 2));
     for (const name of ["matte", "gloss", "ambient"]) gl.uniform1f(at(`u${name[0].toUpperCase()}${name.slice(1)}`), state[name] ? 1 : 0);
     gl.uniform4fv(at("uCoat"), this.coat(coat));
-    gl.uniform4fv(at("uBeneath"), this.beneath(coat));
-    gl.uniform1i(at("uLayer"), LAYERS[state.layer]);
+    gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
     this.version++;
   }
@@ -189,13 +204,13 @@ export class Renderer {
 
   // What a coat leaves of the painting's own lobes.
   beneath(coat) {
-    if (!coat) return [1, 0, 0, 0];
+    if (!coat) return [1, 0];
     const headOn = index => ((index - 1) / (index + 1)) ** 2;
     const own = headOn(this.doc.index), between = headOn(coat.index / this.doc.index);
     const mirror = this.doc.model === "lafortune";
     const bare = mirror ? own : coat.head_on;
     const share = bare > 0 ? between / bare : 1;
-    return [share, mirror ? 0 : own / coat.head_on - share, 0, 1];
+    return [share, mirror ? 0 : own / coat.head_on - share];
   }
 
   // Light a tile if it is not lit by the present state.
@@ -219,7 +234,6 @@ export class Renderer {
     this.bind(7, this.statuses);
     gl.bindFramebuffer(gl.FRAMEBUFFER, tile.frame);
     gl.viewport(0, 0, tile.width, tile.height);
-    gl.disable(gl.BLEND);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     tile.key = this.version;
     // The order of the map is that of use.
@@ -246,8 +260,9 @@ export class Renderer {
   // `relief`: where heights displace what is seen.
   draw(names, { clip, zoom, state, relief }) {
     const gl = this.gl, doc = this.doc;
-    if (relief) this.displaced ??= this.program(showVertex(doc, true), SHOW_FRAGMENT);
-    const { program, at } = relief ? this.displaced : this.flat;
+    const photograph = state.layer === "picture" ? this.photographs.get(state.photograph) : undefined;
+    const compare = photograph ? state.compare : "";
+    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare)]);
     const lit = names.map(name => [name, this.lit(name)]);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
@@ -267,14 +282,10 @@ export class Renderer {
     gl.uniform1i(at("uPhotograph"), 1);
     gl.uniform1i(at("uRamp"), 2);
     gl.uniform1f(at("uMost"), MOST_DIFFERENCE);
-    const photograph = state.layer === "picture" ? this.photographs.get(state.photograph) : undefined;
-    gl.uniform1i(at("uCompare"), photograph ? (state.compare === "difference" ? 2 : 1) : 0);
     gl.uniform1f(at("uSplit"), state.split * this.canvas.width);
     this.bind(1, photograph ?? this.blank);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, zoom > SHARP ? gl.NEAREST : gl.LINEAR);
     this.bind(2, this.ramp);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     for (const [name, tile] of lit) {
       const [number, row, column] = name.split(/[/-]/).map(Number);
       const size = doc.scales[number].factor;

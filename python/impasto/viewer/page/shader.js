@@ -1,5 +1,8 @@
 // The shader that lights a tile: what a picture of impasto.render is, in WebGL 2. It is made for the maps that a
-// painting has, so that what is not there costs nothing.
+// painting has, for one layer and for the effects that are on: what is not shown costs nothing. A renderer without a
+// graphics card runs both sides of every branch.
+
+import { shapeNames } from "./values.js";
 
 export const VERTEX = `#version 300 es
 // One triangle over all texels of a tile.
@@ -30,20 +33,26 @@ float phiSquared(float e) {
 }
 // D F G / (N.V) [torrance1967theory].
 float lobe(float gamma, float b, float c) {
+  float n_l = dot(n, light), n_v = dot(n, view);
+#ifdef DISTANT
+  vec3 halfway = uHalf;
+  float twice_over_v_h = uTwiceOverVH, reflectance = uFresnel;
+#else
   vec3 sum = light + view;
   float squared = dot(sum, sum);
-  float n_l = dot(n, light), n_v = dot(n, view);
-  if (squared < 1e-6 || n_l <= 0.0 || n_v <= 0.0) return 0.0;
-  float extent = sqrt(squared);
-  float v_h = min(0.5 * extent, 1.0);
+  if (squared < 1e-6) return 0.0;
+  float extent = sqrt(squared), v_h = min(0.5 * extent, 1.0);
   vec3 halfway = sum / extent;
+  float twice_over_v_h = 2.0 / v_h, reflectance = fresnel(v_h);
+#endif
   float open = 1.0 / max(n_v, 1e-30);
-  float masked = 2.0 / v_h * dot(n, halfway);
+  float masked = twice_over_v_h * dot(n, halfway);
   float attenuation = min(min(masked, open), masked * n_l * open);
   vec3 chord = n - halfway;
   float width = clamp(gamma, 5e-4, 1.25);
   float power = 0.6931471805599453 / (width * width) * phiSquared(0.5 * dot(chord, chord));
-  return power > 87.0 ? 0.0 : fresnel(v_h) * attenuation * exp(-power);
+  float value = reflectance * attenuation * exp(-min(power, 87.0));
+  return n_l > 0.0 && n_v > 0.0 && power < 87.0 ? value : 0.0;
 }`,
   lafortune: `
 // The lobe of Lafortune et al. [lafortune1997nonlinear], in the domain of logarithms.
@@ -95,71 +104,71 @@ function plane(doc, name) {
   throw new Error(`no plane ${name}`);
 }
 
-export function shapeNames(doc) {
-  return doc.model === "lafortune" ? ["cxy", "cz", "exponent"] : ["gamma"];
-}
-
-export function fragment(doc) {
-  const k = doc.coefficients, mirror = doc.model === "lafortune";
+// `coat`, `near` and `nearView`: whether there is a varnish, whether lamp and eye are places.
+export function fragment(doc, { layer, coat, near, nearView }) {
+  const k = doc.coefficients, mirror = doc.model === "lafortune", picture = layer === "picture";
+  const used = new Set(["flags"]);
+  const read = name => {
+    used.add(name);
+    return plane(doc, name);
+  };
+  const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
+  const body = {
+    picture: () => lit(doc, { coat, near, nearView, mirror, read, sum }),
+    colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
+    normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
+    width: () => strongest(doc, "wide", mirror, read, sum),
+    strength: () => strongest(doc, "strength", mirror, read, sum),
+    height: () => `shown = ramp(${read("height")});`,
+    status: () => "",
+  }[layer]();
   const samplers = doc.groups.map((group, unit) =>
     `uniform highp ${group.number === "int16" ? "i" : ""}sampler2DArray uGroup${unit};`);
   const fetches = doc.groups.flatMap((group, unit) => Array.from({ length: group.layers }, (_, layer) =>
-    `  ${group.number === "int16" ? "i" : ""}vec4 g${unit}_${layer} = texelFetch(uGroup${unit}, ivec3(at, ${layer}), 0);`));
-  const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${plane(doc, prefix + i)} * ${columns}[${i}]`).join(" + ");
-  const lobes = doc.lobes.map((lobe, number) => {
-    const shape = shapeNames(doc).map(name => plane(doc, name + number));
-    const value = `uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
-    if (lobe.tinted) return `  colour += kept * ${value} * (${sum(`strength${number}_`, "uDiffuse")});`;
-    return `  specular += kept * ${value} * ${plane(doc, `strength${number}_0`)};`;
-  });
-  // Of a coloured lobe its luminance under white light.
-  const strengths = doc.lobes.map((lobe, number) =>
-    (lobe.tinted ? `dot(vec3(0.2126, 0.7152, 0.0722), ${sum(`strength${number}_`, "uFlat")})` : plane(doc, `strength${number}_0`)));
-  const width = number => (mirror ? `0.5 * acos(pow(0.5, 1.0 / max(${plane(doc, `exponent${number}`)}, 1e-3)))` : plane(doc, `gamma${number}`));
-  // The lobe that reflects most stands for all: strength times squared width.
-  const strongest = doc.lobes.map((_, number) =>
-    `    { float s = ${strengths[number]}; float w = ${width(number)}; if (s * w * w > most) { most = s * w * w; strength = s; wide = w; } }`);
+    (group.planes.slice(4 * layer, 4 * layer + 4).some(name => used.has(name))
+      ? [`  ${group.number === "int16" ? "i" : ""}vec4 g${unit}_${layer} = texelFetch(uGroup${unit}, ivec3(at, ${layer}), 0);`] : []))).flat();
+  const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   return `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2DArray;
 precision highp isampler2DArray;
+${near || nearView ? "" : "#define DISTANT"}
 ${samplers.join("\n")}
 uniform sampler2D uRamp;
 uniform sampler2D uStatuses;
 uniform vec2 uFirst;      // first pixel of the tile from the painting's middle, in mm
 uniform float uStep;      // width of a pixel of this scale in mm
-uniform vec4 uLight;      // direction to the lamp, or with 1 its place in mm
+uniform vec3 uLight;      // direction to the lamp, or its place in mm
 uniform float uFalloff;   // distance of the lamp from the middle, or 0 for no fall-off
 uniform float uIntensity;
-uniform vec4 uView;       // direction to the eye, or with 1 its place in mm
+uniform vec3 uView;       // direction to the eye, or its place in mm
 uniform vec3 uDiffuse[${k}];
 uniform vec3 uInterface;
 uniform vec3 uFlat[${k}]; // the same under white light, for the layer of colours
+uniform vec3 uHalf;       // of a distant lamp and a distant eye, what the lobes need of both
+uniform float uTwiceOverVH;
+uniform float uFresnel;
 uniform float uIndex;
 uniform float uCoatScale;
 uniform float uMatte;
 uniform float uGloss;
 uniform float uAmbient;
-uniform vec4 uCoat;       // strength and shape of the varnish's lobe; 0: there is none
-uniform vec4 uBeneath;    // with 1 in w what it leaves of the lobes: a share, and more of it where they are metal's
-uniform int uLayer;
+uniform vec4 uCoat;       // strength and shape of the varnish's lobe
+uniform vec2 uBeneath;    // what it leaves of the lobes: a share, and more of it where they are metal's
 uniform vec2 uRange;
 out vec4 shown;
 
 vec3 n, light, view;
-${LOGARITHM}
-${MODELS[doc.model]}
-${doc.coated ? COATED : ""}
-float encoded(float linear) {
-  float value = clamp(linear, 0.0, 1.0);
-  return value <= 0.0031308 ? 12.92 * value : 1.055 * pow(value, 1.0 / 2.4) - 0.055;
+${picture && mirror ? LOGARITHM : ""}
+${picture ? MODELS[doc.model] : ""}
+${picture && doc.coated ? COATED : ""}
+vec3 encoded(vec3 linear) {
+  vec3 value = clamp(linear, 0.0, 1.0);
+  return mix(12.92 * value, 1.055 * pow(max(value, 1e-6), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, value));
 }
 vec4 ramp(float value) {
   return texelFetch(uRamp, ivec2(int(clamp((value - uRange.x) / (uRange.y - uRange.x), 0.0, 1.0) * 255.0 + 0.5), 0), 0);
-}
-vec4 unknown(ivec2 at) {
-  return vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0);
 }
 
 void main() {
@@ -167,61 +176,55 @@ void main() {
 ${fetches.join("\n")}
   int flags = g0_0.w;
   bool known = flags >= ${doc.shown};
-  if (uLayer == 6) {
-    int status = known ? flags - ${doc.shown} : flags;
-    shown = status == ${doc.unread} ? unknown(at) : texelFetch(uStatuses, ivec2(status, 0), 0);
+${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
+  shown = status == ${doc.unread} ? ${unknown} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  if (!known) {
+    shown = ${picture ? "vec4(0.0)" : unknown};
     return;
   }
-  if (!known) {
-    shown = uLayer == 0 ? vec4(0.0, 0.0, 0.0, 0.0) : unknown(at);
-    return;
-  }
-  n = vec3(g0_0.xyz) / ${doc.unit}.0;
-  vec3 colour = vec3(0.0);
-  if (uLayer == 1) {
-    colour = ${sum("diffuse", "uFlat")};
-    shown = vec4(encoded(colour.x), encoded(colour.y), encoded(colour.z), 1.0);
-    return;
-  }
-  if (uLayer == 2) {
-    shown = vec4(0.5 * n + 0.5, 1.0);
-    return;
-  }
-  if (uLayer == 3 || uLayer == 4) {
-    float most = 0.0, strength = 0.0, wide = 0.0;
-${strongest.join("\n")}
-    shown = most > 0.0 ? ramp(log2(max(uLayer == 3 ? wide : strength, 1e-12))) : unknown(at);
-    return;
-  }
-  if (uLayer == 5) {
-    shown = ramp(${doc.relief ? plane(doc, "height") : "0.0"});
-    return;
-  }
-  vec3 place = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);
-  light = uLight.xyz;
+  ${body}`}
+}`;
+}
+
+// The light of a lamp that a pixel reflects.
+function lit(doc, { coat, near, nearView, mirror, read, sum }) {
+  const lobes = doc.lobes.map((lobe, number) => {
+    const shape = shapeNames(doc).map(name => read(name + number));
+    const value = `${coat ? "kept * " : ""}uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
+    if (lobe.tinted) return `  colour += ${value} * (${sum(`strength${number}_`, "uDiffuse")});`;
+    return `  specular += ${value} * ${read(`strength${number}_0`)};`;
+  });
+  return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
   float reach = uIntensity;
-  if (uLight.w > 0.0) {
-    vec3 way = uLight.xyz - place;
-    float inverse = inversesqrt(dot(way, way));
-    light = way * inverse;
-    if (uFalloff > 0.0) reach *= uFalloff * uFalloff * inverse * inverse;
-  }
-  view = uView.w > 0.0 ? normalize(uView.xyz - place) : uView.xyz;
+${near || nearView ? "  vec3 place = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
+${near ? `  vec3 way = uLight - place;
+  float inverse = inversesqrt(dot(way, way));
+  light = way * inverse;
+  if (uFalloff > 0.0) reach *= uFalloff * uFalloff * inverse * inverse;` : "  light = uLight;"}
+  view = ${nearView ? "normalize(uView - place)" : "uView"};
   float cosine = max(dot(n, light), 0.0);
 ${doc.coated ? `  float n_v = dot(n, view);
   cosine = cosine > 0.0 && n_v > 0.0 ? cosine * transmission(cosine) * transmission(n_v) : 0.0;` : ""}
-  colour = uMatte * cosine * reach * (${sum("diffuse", "uDiffuse")});
-  float kept = 1.0, specular = 0.0;
-  if (uBeneath.w > 0.0) {
-    kept = uBeneath.x;
-${doc.beneath ? `    kept += uBeneath.y * ${plane(doc, "beneath")};` : ""}
-  }
+  vec3 colour = uMatte * cosine * reach * (${sum("diffuse", "uDiffuse")});
+  float specular = 0.0;
+${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
 ${lobes.join("\n")}
-  if (uCoat.x > 0.0) specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);
+${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-  shown = vec4(encoded(colour.x), encoded(colour.y), encoded(colour.z), 1.0);
-}`;
+  shown = vec4(encoded(colour), 1.0);`;
+}
+
+// Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is
+// its luminance under white light.
+function strongest(doc, which, mirror, read, sum) {
+  const parts = doc.lobes.map((lobe, number) => {
+    const strength = lobe.tinted ? `dot(vec3(0.2126, 0.7152, 0.0722), ${sum(`strength${number}_`, "uFlat")})` : read(`strength${number}_0`);
+    const wide = mirror ? `0.5 * acos(pow(0.5, 1.0 / max(${read(`exponent${number}`)}, 1e-3)))` : read(`gamma${number}`);
+    return `  { float s = ${strength}, w = ${wide}; if (s * w * w > most) { most = s * w * w; strength = s; wide = w; } }`;
+  });
+  return `float most = 0.0, strength = 0.0, wide = 0.0;
+${parts.join("\n")}
+  shown = most > 0.0 ? ramp(log2(max(${which}, 1e-12))) : vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0);`;
 }
 
 // `displaced`: a tile is a grid whose corners stand at their heights, as an eye at the side sees them.
@@ -257,18 +260,7 @@ ${displaced ? `  gl_Position.xy += uShift * height;
 }`;
 }
 
-export const SHOW_FRAGMENT = `#version 300 es
-precision highp float;
-uniform sampler2D uPicture;
-uniform sampler2D uPhotograph;
-uniform sampler2D uRamp;
-uniform float uSplit;  // columns of the canvas from which on the photograph is shown
-uniform int uCompare;  // 0 the picture alone, 1 a photograph, 2 the difference
-uniform float uMost;   // CIEDE2000 at the end of the ramp
-in vec2 vTexture;
-in vec2 vPainting;
-out vec4 shown;
-
+const DIFFERENCE = `
 vec3 lab(vec3 code) {
   vec3 linear = mix(code / 12.92, pow((code + 0.055) / 1.055, vec3(2.4)), step(0.04045, code));
   vec3 xyz = mat3(0.4124, 0.2126, 0.0193, 0.3576, 0.7152, 0.1192, 0.1805, 0.0722, 0.9505) * linear / vec3(0.9505, 1.0, 1.089);
@@ -301,19 +293,30 @@ float difference(vec3 one, vec3 other) {
   float mc7 = pow(mc, 7.0);
   float rt = -2.0 * sqrt(mc7 / (mc7 + 6103515625.0)) * sin(radians(2.0 * theta));
   return sqrt(max(dl * dl + dc * dc + dH * dH + rt * dc * dH, 0.0));
-}
+}`;
 
+// `compare`: nothing beside the picture, the "photograph" or their "difference".
+export const showFragment = compare => `#version 300 es
+precision highp float;
+uniform sampler2D uPicture;
+uniform sampler2D uPhotograph;
+uniform sampler2D uRamp;
+uniform float uSplit;  // columns of the canvas from which on the photograph is shown
+uniform float uMost;   // CIEDE2000 at the end of the ramp
+in vec2 vTexture;
+in vec2 vPainting;
+out vec4 shown;
+
+${compare === "difference" ? DIFFERENCE : ""}
 void main() {
   vec4 picture = texture(uPicture, vTexture);
   if (picture.a == 0.0) discard;
   shown = picture;
-  if (uCompare > 0 && gl_FragCoord.x >= uSplit) {
+${compare ? `  if (gl_FragCoord.x >= uSplit) {
     vec3 photograph = texture(uPhotograph, vPainting).rgb;
     shown = vec4(photograph, 1.0);
-    if (uCompare == 2) {
-      float found = difference(lab(picture.rgb), lab(photograph));
-      shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);
-    }
-  }
+${compare === "difference" ? `    float found = difference(lab(picture.rgb), lab(photograph));
+    shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);` : ""}
+  }` : ""}
   shown.rgb *= shown.a;
 }`;

@@ -3,7 +3,9 @@
 import { applied, encodeSrgb, labFromXyz } from "./colour.js";
 import { groupsOf, numberAt } from "./half.js";
 import { anglesOf } from "./state.js";
-import { shapeNames } from "./shader.js";
+
+// The numbers that make the shape of a lobe.
+export const shapeNames = doc => (doc.model === "lafortune" ? ["cxy", "cz", "exponent"] : ["gamma"]);
 
 export function pixelValues(doc, buffer, size, column, row) {
   const texels = size.width * size.height, texel = row * size.width + column;
@@ -35,7 +37,7 @@ export const codesOf = (matrix, coefficients) => applied(matrix, coefficients).m
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-function fresnel(c, index) {
+export function fresnel(c, index) {
   const q = Math.sqrt(index * index + c * c - 1), sum = q + c, difference = q - c;
   const parallel = (c * sum - 1) / (c * difference + 1);
   return 0.5 * (difference / sum) ** 2 * (parallel * parallel + 1);
