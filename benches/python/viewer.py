@@ -1,9 +1,9 @@
 """How soon the viewer shows a painting, and how often a second it shows a moving light.
 
-``python benches/python/viewer.py`` opens the page of ``impasto view`` in Chromium without a graphics
-card (Debian's, its software renderer) and prints one line per surface: milliseconds from the request
-of the page to the first picture, and frames per second of a moving light at full scale, each frame
-waited for. The surfaces have 1024 x 1024 pixels, all of which are lit in every frame.
+``python benches/python/viewer.py`` opens the page of ``impasto view`` in Chromium without a
+graphics card (Debian's, its software renderer) and prints one line per surface: milliseconds from
+the request of the page to the first picture, and frames per second of a moving light at full scale,
+each frame waited for. The surfaces have 1024 x 1024 pixels, all of which are lit in every frame.
 """
 
 from __future__ import annotations

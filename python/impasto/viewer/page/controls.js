@@ -49,7 +49,7 @@ function check(text, change) {
   return { element: h("label", { className: "check" }, input, h("span", {}, text)), update: value => { input.checked = value; } };
 }
 
-const section = (title, open, ...children) => h("details", { open }, h("summary", {}, title), h("div", { className: "body" }, ...children));
+const section = (title, open, ...children) => h("details", { open }, h("summary", {}, h("h2", {}, title)), h("div", { className: "body" }, ...children));
 
 // The sky above the painting, seen from in front: the middle is in front, the edge grazes.
 function dome(app) {
