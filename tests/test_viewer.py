@@ -37,6 +37,7 @@ class Spectra:
         self.wavelengths = WAVELENGTHS
         self.basis = np.exp(-(((WAVELENGTHS - centres[:, None]) / 50.0) ** 2))
         self.coefficients = random.uniform(0.0, 0.6, (5, *SHAPE)).astype(np.float32)
+        self.interface = random.uniform(0.0, 0.5, (5, 3))
 
 
 def numbers(random: np.random.Generator, low: float, high: float, *sizes: int) -> NDArray[Any]:
@@ -75,6 +76,10 @@ def surfaces() -> dict[str, tuple[Surface, Any]]:
     # Leaf of metal at the left, which a varnish leaves as it is; paint at the right.
     leaf = np.where(np.arange(SHAPE[1]) < 12, 300.0, 4.0) * np.ones(SHAPE, np.float32)
     found["spectra"] = (Surface.torrance_sparrow(normal, diffuse, leaf, 0.1), spectra)
+    gilded = Surface.torrance_sparrow(
+        normal, diffuse, 40.0 * beta, np.nan_to_num(gamma, nan=0.2), ambient=ambient
+    )
+    found["gilded spectra"] = (gilded, spectra)
     neutral = Lobe(numbers(random, 0.0, 0.3), (-0.98, 1.01, 60.0))
     found["phong spectra"] = (Surface(normal, diffuse, (neutral,), "lafortune"), spectra)
     return found
@@ -110,6 +115,10 @@ SCENES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
     ("spectra", {"varnish": "brown", **RAKING},
      {"varnish": impasto.Varnish(yellowness=30.0),
       "lights": [LAMP(np.radians(200), np.radians(8))]}),
+    ("gilded spectra", {"illuminant": "A", "adaptation": 0.56},
+     {"illuminant": "A", "adaptation": 0.56}),
+    ("gilded spectra", {"varnish": "yellowed", "elevation": 20},
+     {"varnish": impasto.Varnish(yellowness=10.0), "lights": [LAMP(np.pi / 2, np.radians(20))]}),
     ("phong spectra", {"varnish": "yellowed"}, {"varnish": impasto.Varnish(yellowness=10.0)}),
 ]  # fmt: skip
 """A surface, what the page is asked for, and the same as a scene of the renderer."""

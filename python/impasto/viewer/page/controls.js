@@ -24,6 +24,8 @@ export const lightWords = state => `Light ${state.elevation > 84 ? "in front" : 
 
 export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
 
+const heightWords = (doc, value) => `${value.toPrecision(3)} ${doc.pitch ? "mm" : "pixels"}`;
+
 let serial = 0;
 function slider(text, attributes, change, shown) {
   const id = `impasto-${++serial}`, output = h("output", { htmlFor: id });
@@ -85,7 +87,7 @@ function lightSection(app, updates) {
     updates.push(state => { if (document.activeElement !== input) input.value = Math.round(state[name]); });
     return h("label", {}, `${text} (°)`, input);
   };
-  const preset = (text, azimuth, elevation) => h("button", { type: "button", onclick: () => app.set({ azimuth, elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
+  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth, elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
   updates.push(pad.update, state => exposure.update(state.exposure));
   const near = [];
@@ -100,7 +102,7 @@ function lightSection(app, updates) {
   }
   return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
     number("Direction", "azimuth", 0, 360), number("Height", "elevation", LOWEST, 90))),
-  h("div", { className: "row wrap" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking left", 180, 10), preset("Raking right", 0, 10)),
+  h("div", { className: "row wrap" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
   ...near, exposure.element);
 }
 
@@ -140,7 +142,7 @@ function legend(app) {
     const [low, high] = app.renderer.ranges[state.layer] ?? [0, 0];
     if (state.layer === "width") element.append(...bar(`${(2 ** low * 180 / Math.PI).toPrecision(2)}°`, `${(2 ** high * 180 / Math.PI).toPrecision(2)}°`));
     if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
-    if (state.layer === "height") element.append(...bar(`${low.toPrecision(2)} mm`, `${high.toPrecision(2)} mm`));
+    if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     if (state.layer === "status") {
@@ -226,7 +228,7 @@ function pixelSection(app, updates) {
     const plots = [];
     if (values.shown) {
       rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
-      if (values.height !== null) rows.push(["Height", `${values.height.toPrecision(3)} mm`]);
+      if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
       if (colours.basis) {
         const lab = labOf(colours, app.state.illuminant, values.diffuse);
         rows.push(["Lab", lab.map(value => value.toFixed(1)).join(", ")]);

@@ -11,7 +11,7 @@ import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
 const TOOLS = [["light", "Light", "L", "Drag to move the light"], ["move", "Move", "M", "Drag to move the painting"],
-  ["inspect", "Inspect", "I", "Choose a place to see its values"], ["note", "Note", "N", "Draw a rectangle to write a note"]];
+  ["inspect", "Inspect", "I", "Choose a place to see its values"], ["note", "Note", "N", "Draw a rectangle to measure it and to write a note"]];
 const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
 
 class Viewer {
@@ -402,6 +402,7 @@ class Viewer {
     if (this.action === "note") {
       const [a, b] = [this.place(this.from), this.place(now)];
       this.drawn = this.inside([Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.abs(a[0] - b[0]), Math.abs(a[1] - b[1])]);
+      this.measure(this.drawn);
       this.redraw();
     }
     this.pointers.set(event.pointerId, now);
@@ -417,6 +418,12 @@ class Viewer {
   pan(before, now) {
     const [a, b] = [this.place(before), this.place(now)], [x, y, zoom] = this.view;
     this.set({ view: [x + a[0] - b[0], y + a[1] - b[1], zoom] });
+  }
+
+  // The size of a rectangle that is drawn: a ruler.
+  measure([, , width, height]) {
+    const { pitch } = this.doc, words = value => (pitch ? `${(value * pitch).toPrecision(3)} mm` : `${Math.round(value)} pixels`);
+    this.readout.textContent = `${words(width)} wide, ${words(height)} high, ${words(Math.hypot(width, height))} across`;
   }
 
   inside([x, y, width, height]) {
@@ -502,7 +509,7 @@ class Viewer {
       }
       this.drawn = null;
       dialog.remove();
-      this.redraw();
+      this.changed();
     } }, h("form", { method: "dialog" }, h("h2", {}, "Note"), text, h("div", { className: "row" },
       h("button", { value: "keep", className: "main" }, "Keep"), h("button", { value: "" }, "Cancel"))));
     this.element.append(dialog);
