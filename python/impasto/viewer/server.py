@@ -40,6 +40,7 @@ class ViewServer(LoopbackServer):
 class _Handler(LoopbackHandler):
     server: ViewServer
     policy = policy(embedded=False)
+    one_at_a_time = False
 
     def do_GET(self) -> None:
         path = self.own_path()
