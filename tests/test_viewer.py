@@ -313,10 +313,37 @@ def test_the_light_follows_pointer_and_keys(opened: chromium.Chromium) -> None:
     assert opened.value("document.querySelectorAll('aside svg.plot').length") == 1
 
 
+def test_a_picture_is_turned_with_its_light(opened: chromium.Chromium) -> None:
+    """A quarter turn counterclockwise: what was right is above, and so is what the pointer says."""
+    before = opened.value("window.impasto.viewer.toCanvas([40, 12])")
+    middle = opened.value("window.impasto.viewer.toCanvas([20, 12])")
+    assert before[0] > middle[0]
+    assert before[1] == pytest.approx(middle[1])
+    opened.key("t")
+    opened.until("window.impasto.viewer.state.turns === 1")
+    after = opened.value("window.impasto.viewer.toCanvas([40, 12])")
+    centre = opened.value("window.impasto.viewer.toCanvas([20, 12])")
+    assert centre == pytest.approx(middle, abs=1e-6)
+    assert after[0] == pytest.approx(centre[0])
+    assert after[1] < centre[1]
+    back = opened.value(f"window.impasto.viewer.place({json.dumps(after)})")
+    assert back == pytest.approx([40, 12])
+    opened.value("window.impasto.viewer.lightAt(0, 0.5)")  # from above on the page
+    assert state(opened)["azimuth"] == pytest.approx(0.0, abs=1e-6)
+    assert opened.value("document.querySelector('.readout').textContent") == (
+        "Light from above, 60° high"
+    )
+    size = opened.value(
+        "window.impasto.viewer.picture(0).then(data => window.impasto.viewer.upright(data))"
+        ".then(canvas => [canvas.width, canvas.height])"
+    )
+    assert size == [SHAPE[0], SHAPE[1]]
+
+
 def test_a_link_shows_the_same_again(opened: chromium.Chromium) -> None:
     changes = {
         "azimuth": 200.0, "elevation": 15.0, "near": 120.0, "exposure": 1.5, "layer": "width",
-        "gloss": False, "tilt": 30, "towards": 45, "view": [10.0, 12.0, 8.0], "pixel": [3, 4],
+        "gloss": False, "tilt": 30, "towards": 45, "turns": 3, "view": [10.0, 12.0, 8.0], "pixel": [3, 4],
     }  # fmt: skip
     before = opened.value(
         f"(() => {{ const {{ viewer }} = window.impasto; viewer.set({json.dumps(changes)});"

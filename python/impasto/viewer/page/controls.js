@@ -20,7 +20,7 @@ export function h(name, attributes = {}, ...children) {
 
 const degrees = value => `${Math.round(value)}°`;
 const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
-export const lightWords = state => `Light ${state.elevation > 84 ? "in front" : `from ${SIDES[Math.round(state.azimuth / 45) % 8]}`}, ${degrees(state.elevation)} high`;
+export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${SIDES[Math.round(azimuth / 45) % 8]}`}, ${degrees(elevation)} high`;
 
 export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
 
@@ -71,23 +71,23 @@ function dome(app) {
   picture.addEventListener("lostpointercapture", () => app.moving(false));
   picture.addEventListener("keydown", event => app.lightKey(event));
   return { element: picture, update: state => {
-    const [x, y] = directionOf(state.azimuth, state.elevation);
+    const azimuth = app.onPage(state.azimuth), [x, y] = directionOf(azimuth, state.elevation);
     dot.setAttribute("cx", middle + reach * x);
     dot.setAttribute("cy", middle - reach * y);
-    picture.setAttribute("aria-valuenow", Math.round(state.azimuth));
-    picture.setAttribute("aria-valuetext", lightWords(state));
+    picture.setAttribute("aria-valuenow", Math.round(azimuth));
+    picture.setAttribute("aria-valuetext", lightWords(azimuth, state.elevation));
   } };
 }
 
 function lightSection(app, updates) {
   const { doc } = app, pad = dome(app);
-  const number = (text, name, low, high) => {
+  const number = (text, name, low, high, from = value => value, to = value => value) => {
     const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
-      onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: Math.min(Math.max(input.valueAsNumber, low), high), photograph: -1 }) });
-    updates.push(state => { if (document.activeElement !== input) input.value = Math.round(state[name]); });
+      onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
+    updates.push(state => { if (document.activeElement !== input) input.value = Math.round(to(state[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
-  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth, elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
+  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
   updates.push(pad.update, state => exposure.update(state.exposure));
   const near = [];
@@ -101,7 +101,7 @@ function lightSection(app, updates) {
     near.push(lamp.element, distance.element);
   }
   return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
-    number("Direction", "azimuth", 0, 360), number("Height", "elevation", LOWEST, 90))),
+    number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
   h("div", { className: "row wrap" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
   ...near, exposure.element);
 }
@@ -186,15 +186,16 @@ function effectSection(app, updates) {
 
 function viewSection(app, updates) {
   const tilt = slider("Tilt", { min: 0, max: 75, step: 1 }, value => app.set({ tilt: value }), degrees);
-  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: value }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
+  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: app.onPainting(value) }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
   const relief = slider("Relief", { min: 0, max: 10, step: 0.5 }, value => app.set({ relief: value }), value => `${value} times`);
   updates.push(state => {
-    for (const [one, value] of [[tilt, state.tilt], [towards, state.towards], [relief, state.relief]]) one.update(value);
+    for (const [one, value] of [[tilt, state.tilt], [towards, app.onPage(state.towards)], [relief, state.relief]]) one.update(value);
     towards.element.hidden = !state.tilt;
     relief.element.hidden = !state.tilt || !app.doc.relief;
   });
   return section("View", false, tilt.element, towards.element, relief.element,
-    h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel")));
+    h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel"),
+      h("button", { type: "button", onclick: () => app.turn90() }, "Turn")));
 }
 
 function compareSection(app, updates) {
@@ -271,7 +272,7 @@ function noteSection(app) {
 }
 
 const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°"], ["R", "raking light, turned on by 45°"],
-  ["+ − 0 1", "zoom, show all, pixel for pixel"], ["Shift and drag", "move"], ["wheel, two fingers", "zoom"], ["P", "copy a link to this view"], ["S", "save the picture"], ["H", "hide the panel"]];
+  ["+ − 0 1", "zoom, show all, pixel for pixel"], ["Shift and drag", "move"], ["wheel, two fingers", "zoom"], ["T", "turn the picture by 90°"], ["P", "copy a link to this view"], ["S", "save the picture"], ["H", "hide the panel"]];
 
 export function panel(app) {
   const updates = [];

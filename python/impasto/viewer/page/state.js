@@ -29,6 +29,7 @@ export function firstState(doc) {
     tilt: 0,
     towards: 0,
     relief: 1,
+    turns: 0, // quarter turns of the picture on the page, counterclockwise
     photograph: -1,
     compare: "photograph",
     split: 0.5,
@@ -52,6 +53,7 @@ export function textOfState(state, doc) {
   if (off.length) add("off", off.join(","));
   if (state.varnish !== "none") add("varnish", state.varnish);
   if (state.tilt) add("eye", `${short(state.towards)},${short(state.tilt)}`);
+  if (state.turns) add("turns", String(state.turns));
   if (state.relief !== 1) add("relief", short(state.relief));
   if (state.photograph >= 0) add("photograph", `${state.photograph},${state.compare},${short(state.split, 3)}`);
   if (state.view) add("view", state.view.map(value => short(value, 4)).join(","));
@@ -83,6 +85,7 @@ export function stateOfText(text, doc) {
   state.varnish = one("varnish", doc.colours.varnishes.map(coat => coat.name), "none");
   const eye = numbers("eye", [[-360, 720], [0, 75]]);
   if (eye && eye[1] > 0) [state.towards, state.tilt] = [(eye[0] + 360) % 360, eye[1]];
+  state.turns = Math.round(numbers("turns", [[0, 3]])?.[0] ?? 0);
   state.relief = numbers("relief", [[0, 10]])?.[0] ?? 1;
   const [number, compare, split] = (given.get("photograph") ?? "").split(",");
   if (/^\d+$/.test(number) && Number(number) < doc.photographs.length) {

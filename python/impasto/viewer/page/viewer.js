@@ -72,7 +72,7 @@ class Viewer {
     if (!this.renderer) return;
     this.stale = true;
     this.panel.update(this.state);
-    this.readout.textContent = this.state.photograph >= 0 ? `The lamp of photograph no. ${this.doc.photographs[this.state.photograph].number + 1}` : lightWords(this.state);
+    this.readout.textContent = this.state.photograph >= 0 ? `The lamp of photograph no. ${this.doc.photographs[this.state.photograph].number + 1}` : lightWords(this.onPage(this.state.azimuth), this.state.elevation);
     this.redraw();
     clearTimeout(this.linking);
     this.linking = setTimeout(() => this.link(), 250);
@@ -88,13 +88,19 @@ class Viewer {
     }
   }
 
+  // By a place in the unit circle of the page: right and up.
   lightAt(x, y) {
-    this.set({ ...anglesFromPlane(x, y), photograph: -1 });
+    const { azimuth, elevation } = anglesFromPlane(x, y);
+    this.set({ azimuth: this.onPainting(azimuth), elevation, photograph: -1 });
+  }
+
+  turn90() {
+    this.set({ turns: (this.state.turns + 1) % 4, view: null });
   }
 
   lightKey(event) {
     const step = event.shiftKey ? 1 : 5, { azimuth, elevation } = this.state;
-    const [x, y] = directionOf(azimuth, elevation);
+    const [x, y] = directionOf(this.onPage(azimuth), elevation);
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const move = moves[event.key];
     if (!move) return false;
@@ -115,7 +121,9 @@ class Viewer {
     const [[a, b], [c, d]] = this.turn, { width: columns, height: rows } = this.doc;
     const across = Math.abs(a) * columns + Math.abs(b) * rows, down = Math.abs(c) * columns + Math.abs(d) * rows;
     const zoom = Math.max(Math.min((width - 2 * beside) / across, (height - above - below) / down), 1e-4);
-    return [columns / 2, rows / 2 - (above - below) / 2 / zoom / d, zoom];
+    // The middle of the free part of the stage lies below or above that of the stage.
+    const off = (above - below) / 2 / zoom / (a * d - b * c);
+    return [columns / 2 + b * off, rows / 2 - a * off, zoom];
   }
 
   fit() {
@@ -134,9 +142,24 @@ class Viewer {
 
   // What an eye at the side makes of columns and rows, its right and down: the painting's up stays up.
   get turn() {
-    if (!this.state.tilt) return [[1, 0], [0, 1]];
     const [vx, vy, vz] = directionOf(this.state.towards, 90 - this.state.tilt), across = Math.hypot(vx, vz);
-    return [[vz / across, 0], [vx * vy / across, across]];
+    const [right, down] = [this.turned([vz / across, vx * vy / across]), this.turned([0, across])];
+    return [[right[0], down[0]], [right[1], down[1]]];
+  }
+
+  // A vector, right and down, after the quarter turns of the picture.
+  turned([x, y]) {
+    for (let i = 0; i < this.state.turns; i++) [x, y] = [y, -x];
+    return [x, y];
+  }
+
+  // The same angle on the page and on the painting, in degrees.
+  onPage(azimuth) {
+    return (azimuth + 90 * this.state.turns) % 360;
+  }
+
+  onPainting(azimuth) {
+    return (azimuth + 360 - 90 * this.state.turns) % 360;
   }
 
   // From the painting's pixels (rows down) to those of the canvas: two rows of three numbers.
@@ -154,8 +177,9 @@ class Viewer {
     const [vx, vy, vz] = directionOf(state.towards, 90 - state.tilt), across = Math.hypot(vx, vz);
     const pixels = state.relief / (doc.pitch ?? 1), scale = 2 * this.view[2] * pixels / across;
     const extent = 2 * Math.hypot(doc.width, doc.height);
+    const [right, down] = this.turned([-vx * scale, vy * vz * scale]);
     return {
-      shift: [-vx * scale / this.canvas.width, -vy * vz * scale / this.canvas.height],
+      shift: [right / this.canvas.width, -down / this.canvas.height],
       depth: [-vx / extent, vy / extent, -vz * pixels / extent],
     };
   }
@@ -197,11 +221,12 @@ class Viewer {
     return found.sort((one, other) => one.far - other.far).map(one => one.name);
   }
 
-  get wanted() {
+  // The scale at which the painting is seen; a moving light is shown more coarsely where it is slow.
+  wanted(coarse) {
     const zoom = this.view[2], last = this.doc.scales.length - 1;
     let number = 0;
     while (number < last && this.doc.scales[number + 1].factor * zoom <= 1.42) number++;
-    return Math.min(number + this.coarse, last);
+    return Math.min(number + coarse, last);
   }
 
   arrived(name, entry) {
@@ -232,7 +257,11 @@ class Viewer {
     this.last = this.dragging ? now : 0;
     if (this.stale) this.renderer.setState(this.state);
     this.stale = false;
-    const number = this.wanted, last = this.doc.scales.length - 1;
+    const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
+    const finest = this.wanted(0), coarse = this.wanted(this.coarse);
+    let number = coarse;
+    // Coarser tiles that are not there yet are no reason to show less than is there.
+    if (!this.seen(coarse).every(whole)) number = finest;
     const here = this.seen(number), there = here.filter(name => this.renderer.has(name));
     let names = there;
     if (there.length < here.length) {
@@ -243,7 +272,7 @@ class Viewer {
         if (found.length === this.seen(coarser).length) break;
       }
     }
-    this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here]);
+    this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
     const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.canvas;
     const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
     this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement });
@@ -436,8 +465,8 @@ class Viewer {
     if (event.target === this.canvas && this.lightKey(event)) return;
     const acts = {
       "+": () => this.zoomTo(1.25 * this.view[2]), "=": () => this.zoomTo(1.25 * this.view[2]), "-": () => this.zoomTo(this.view[2] / 1.25),
-      0: () => this.fit(), 1: () => this.zoomTo(1), h: () => this.togglePanel(), p: () => this.copyLink(), s: () => this.savePicture(),
-      r: () => this.set({ azimuth: this.state.elevation <= 12 ? (this.state.azimuth + 45) % 360 : 180, elevation: 10, exposure: RAKING_STOPS, photograph: -1 }),
+      0: () => this.fit(), 1: () => this.zoomTo(1), h: () => this.togglePanel(), t: () => this.turn90(), p: () => this.copyLink(), s: () => this.savePicture(),
+      r: () => this.set({ azimuth: this.state.elevation <= 12 ? (this.state.azimuth + 45) % 360 : this.onPainting(180), elevation: 10, exposure: RAKING_STOPS, photograph: -1 }),
       ...Object.fromEntries(TOOLS.map(([name, , key]) => [key.toLowerCase(), () => this.choose(name)])),
     };
     const act = acts[event.key.toLowerCase()];
@@ -578,12 +607,26 @@ class Viewer {
     return data;
   }
 
+  // A picture turned as on the page.
+  async upright(data) {
+    const across = this.state.turns % 2 === 1;
+    const canvas = h("canvas", { width: across ? data.height : data.width, height: across ? data.width : data.height });
+    const context = canvas.getContext("2d");
+    if (!this.state.turns) context.putImageData(data, 0, 0);
+    else {
+      context.translate(canvas.width / 2, canvas.height / 2);
+      context.rotate(-this.state.turns * Math.PI / 2);
+      context.imageSmoothingEnabled = false;
+      context.drawImage(await createImageBitmap(data), -data.width / 2, -data.height / 2);
+    }
+    return canvas;
+  }
+
   async savePicture() {
     const number = this.doc.scales.findIndex(scale => scale.width * scale.height <= LARGEST_PICTURE);
     this.say("Making the picture");
     try {
-      const data = await this.picture(number), canvas = h("canvas", { width: data.width, height: data.height });
-      canvas.getContext("2d").putImageData(data, 0, 0);
+      const canvas = await this.upright(await this.picture(number));
       canvas.toBlob(blob => {
         if (!blob) return this.say("The picture is too large for this browser.");
         this.download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.png`);
