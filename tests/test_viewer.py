@@ -343,7 +343,8 @@ def test_a_picture_is_turned_with_its_light(opened: chromium.Chromium) -> None:
 def test_a_link_shows_the_same_again(opened: chromium.Chromium) -> None:
     changes = {
         "azimuth": 200.0, "elevation": 15.0, "near": 120.0, "exposure": 1.5, "layer": "width",
-        "gloss": False, "tilt": 30, "towards": 45, "turns": 3, "view": [10.0, 12.0, 8.0], "pixel": [3, 4],
+        "gloss": False, "tilt": 30, "towards": 45, "turns": 3, "view": [10.0, 12.0, 8.0],
+        "pixel": [3, 4],
     }  # fmt: skip
     before = opened.value(
         f"(() => {{ const {{ viewer }} = window.impasto; viewer.set({json.dumps(changes)});"

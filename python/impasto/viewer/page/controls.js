@@ -102,7 +102,7 @@ function lightSection(app, updates) {
   }
   return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
     number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
-  h("div", { className: "row wrap" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
+  h("div", { className: "presets" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
   ...near, exposure.element);
 }
 
