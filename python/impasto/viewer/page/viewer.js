@@ -33,6 +33,7 @@ class Viewer {
     // The smallest scale first: something is seen at once, and the ranges of the layers are known.
     const name = `${this.doc.scales.length - 1}/0-0`;
     const buffer = await this.tiles.get(name);
+    this.started = true;
     if (buffer) this.findRanges(buffer, this.sizeOf(name));
     this.showNotes(this.notes, true);
     this.changed();
@@ -239,7 +240,8 @@ class Viewer {
   }
 
   redraw() {
-    if (this.frame || !this.renderer) return;
+    // Nothing else is asked for before the first tile is there.
+    if (this.frame || !this.started) return;
     this.frame = requestAnimationFrame(now => {
       this.frame = 0;
       this.draw(now);
