@@ -333,9 +333,13 @@ def test_a_picture_is_turned_with_its_light(opened: chromium.Chromium) -> None:
     assert opened.value("document.querySelector('.readout').textContent") == (
         "Light from above, 60° high"
     )
+    # The file has the picture as it stands on the page.
+    opened.value("HTMLAnchorElement.prototype.click = function () { window.saved = this.href; }")
+    opened.value("window.impasto.viewer.savePicture()")
+    opened.until("window.saved !== undefined")
     size = opened.value(
-        "window.impasto.viewer.picture(0).then(data => window.impasto.viewer.upright(data))"
-        ".then(canvas => [canvas.width, canvas.height])"
+        "new Promise(done => { const image = new Image(); image.onload = () =>"
+        " done([image.width, image.height]); image.src = window.saved; })"
     )
     assert size == [SHAPE[0], SHAPE[1]]
 

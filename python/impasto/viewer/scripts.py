@@ -24,7 +24,9 @@ MODULES = (
     "plots",
     "annotations",
     "controls",
+    "saving",
     "viewer",
+    "start",
 )
 """In the order in which they may import."""
 ENTRY = "mount"

@@ -24,6 +24,36 @@ export function pixelValues(doc, buffer, size, column, row) {
   return { status, shown, normal, ...anglesOf(normal), diffuse, lobes, height: doc.relief ? read("height") : null };
 }
 
+// The 1st and 99th percentile of what layers show on ramps, and the statuses that there are, of a tile.
+export function rangesOf(doc, buffer, size) {
+  const found = { width: [], strength: [], height: [] }, statuses = new Set(), ranges = {};
+  const step = Math.max(1, Math.floor(size.width * size.height / 4000));
+  for (let texel = 0; texel < size.width * size.height; texel += step) {
+    const one = pixelValues(doc, buffer, size, texel % size.width, Math.floor(texel / size.width));
+    if (one.status) statuses.add(Number(Object.keys(doc.statuses).find(code => doc.statuses[code] === one.status)));
+    if (!one.shown) continue;
+    if (doc.relief) found.height.push(one.height);
+    const luminance = doc.colours.illuminants[0].diffuse[1];
+    let most = 0, best = null;
+    for (const lobe of one.lobes) {
+      const strength = lobe.strength.length > 1 ? lobe.strength.reduce((sum, value, k) => sum + luminance[k] * value, 0) : lobe.strength[0];
+      const width = doc.model === "lafortune" ? 0.5 * Math.acos(0.5 ** (1 / Math.max(lobe.shape[2], 1e-3))) : lobe.shape[0];
+      if (strength * width * width > most) [most, best] = [strength * width * width, [width, strength]];
+    }
+    if (best) {
+      found.width.push(Math.log2(best[0]));
+      found.strength.push(Math.log2(best[1]));
+    }
+  }
+  for (const [name, values] of Object.entries(found)) {
+    if (!values.length) continue;
+    values.sort((a, b) => a - b);
+    const [low, high] = [0.01, 0.99].map(share => values[Math.floor(share * (values.length - 1))]);
+    ranges[name] = high - low > 1e-3 ? [low, high] : [low - 0.5, high + 0.5];
+  }
+  return { ranges, statuses: [...statuses].sort((a, b) => a - b) };
+}
+
 export const spectrumOf = (colours, coefficients) =>
   colours.wavelengths.map((_, i) => coefficients.reduce((sum, value, k) => sum + value * colours.basis[k][i], 0));
 

@@ -1,11 +1,12 @@
 // A painting in an element: pointer, keys, tiles, and what is drawn when.
 
-import { Tiles, scriptSource } from "./tiles.js";
+import { Tiles } from "./tiles.js";
 import { Renderer } from "./renderer.js";
-import { pixelValues } from "./values.js";
+import { pixelValues, rangesOf } from "./values.js";
 import { svg } from "./plots.js";
 import { annotationPage, annotationsOf, note, placeOf, storeAnnotations, storedAnnotations } from "./annotations.js";
 import { RAKING_STOPS, anglesFromPlane, h, lightWords, panel } from "./controls.js";
+import { download, noteDialog, upright } from "./saving.js";
 import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
@@ -14,7 +15,7 @@ const TOOLS = [["light", "Light", "L", "Drag to move the light"], ["move", "Move
   ["inspect", "Inspect", "I", "Choose a place to see its values"], ["note", "Note", "N", "Draw a rectangle to measure it and to write a note"]];
 const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
 
-class Viewer {
+export class Viewer {
   constructor(element, doc, source) {
     if (doc.format !== FORMAT) throw new Error(`the painting has the format ${doc.format}, this page shows ${FORMAT}`);
     Object.assign(this, { element, doc, source, tool: "light", coarse: 0, dragging: false, notes: storedAnnotations(doc), statuses: [], first: firstState(doc), pointers: new Map() });
@@ -34,7 +35,11 @@ class Viewer {
     const name = `${this.doc.scales.length - 1}/0-0`;
     const buffer = await this.tiles.get(name);
     this.started = true;
-    if (buffer) this.findRanges(buffer, this.sizeOf(name));
+    if (buffer) {
+      const { ranges, statuses } = rangesOf(this.doc, buffer, this.sizeOf(name));
+      Object.assign(this.renderer.ranges, ranges);
+      this.statuses = statuses;
+    }
     this.showNotes(this.notes, true);
     this.changed();
     if (this.state.photograph >= 0) this.compareWith(this.state.photograph);
@@ -493,35 +498,6 @@ class Viewer {
     this.showPixel([x, y], pixelValues(this.doc, buffer, this.sizeOf(name), x % side, y % side));
   }
 
-  findRanges(buffer, size) {
-    const found = { width: [], strength: [], height: [] }, statuses = new Set(), { doc } = this;
-    const step = Math.max(1, Math.floor(size.width * size.height / 4000));
-    for (let texel = 0; texel < size.width * size.height; texel += step) {
-      const one = pixelValues(doc, buffer, size, texel % size.width, Math.floor(texel / size.width));
-      if (one.status) statuses.add(Number(Object.keys(doc.statuses).find(code => doc.statuses[code] === one.status)));
-      if (!one.shown) continue;
-      if (doc.relief) found.height.push(one.height);
-      const luminance = doc.colours.illuminants[0].diffuse[1];
-      let most = 0, best = null;
-      for (const lobe of one.lobes) {
-        const strength = lobe.strength.length > 1 ? lobe.strength.reduce((sum, value, k) => sum + luminance[k] * value, 0) : lobe.strength[0];
-        const width = doc.model === "lafortune" ? 0.5 * Math.acos(0.5 ** (1 / Math.max(lobe.shape[2], 1e-3))) : lobe.shape[0];
-        if (strength * width * width > most) [most, best] = [strength * width * width, [width, strength]];
-      }
-      if (best) {
-        found.width.push(Math.log2(best[0]));
-        found.strength.push(Math.log2(best[1]));
-      }
-    }
-    for (const [name, values] of Object.entries(found)) {
-      if (!values.length) continue;
-      values.sort((a, b) => a - b);
-      const [low, high] = [0.01, 0.99].map(share => values[Math.floor(share * (values.length - 1))]);
-      this.renderer.ranges[name] = high - low > 1e-3 ? [low, high] : [low - 0.5, high + 0.5];
-    }
-    this.statuses = [...statuses].sort((a, b) => a - b);
-  }
-
   compareWith(number) {
     this.set({ photograph: number, ...(number >= 0 ? { layer: "picture", tilt: 0 } : {}) });
     if (number < 0 || this.renderer.photographs.has(number)) return;
@@ -532,17 +508,12 @@ class Viewer {
   }
 
   askNote(place) {
-    const text = h("textarea", { rows: 3, "aria-label": "Note" });
-    const dialog = h("dialog", { className: "ask", onclose: () => {
-      if (dialog.returnValue === "keep" && text.value.trim()) {
-        this.notes.push(note(place, text.value.trim(), location.href.split("#")[0]));
-        this.notesChanged();
-      }
+    const dialog = noteDialog(text => {
+      if (text) this.notes.push(note(place, text, location.href.split("#")[0]));
       this.drawn = null;
-      dialog.remove();
+      if (text) this.notesChanged();
       this.changed();
-    } }, h("form", { method: "dialog" }, h("h2", {}, "Note"), text, h("div", { className: "row" },
-      h("button", { value: "keep", className: "main" }, "Keep"), h("button", { value: "" }, "Cancel"))));
+    });
     this.element.append(dialog);
     dialog.showModal();
   }
@@ -572,13 +543,7 @@ class Viewer {
   }
 
   saveNotes() {
-    this.download(new Blob([JSON.stringify(annotationPage(this.notes), null, 2)], { type: "application/ld+json" }), "notes.jsonld");
-  }
-
-  download(blob, name) {
-    const address = URL.createObjectURL(blob), anchor = h("a", { href: address, download: name });
-    anchor.click();
-    setTimeout(() => URL.revokeObjectURL(address), 10000);
+    download(new Blob([JSON.stringify(annotationPage(this.notes), null, 2)], { type: "application/ld+json" }), "notes.jsonld");
   }
 
   async copyLink() {
@@ -609,49 +574,18 @@ class Viewer {
     return data;
   }
 
-  // A picture turned as on the page.
-  async upright(data) {
-    const across = this.state.turns % 2 === 1;
-    const canvas = h("canvas", { width: across ? data.height : data.width, height: across ? data.width : data.height });
-    const context = canvas.getContext("2d");
-    if (!this.state.turns) context.putImageData(data, 0, 0);
-    else {
-      context.translate(canvas.width / 2, canvas.height / 2);
-      context.rotate(-this.state.turns * Math.PI / 2);
-      context.imageSmoothingEnabled = false;
-      context.drawImage(await createImageBitmap(data), -data.width / 2, -data.height / 2);
-    }
-    return canvas;
-  }
-
   async savePicture() {
     const number = this.doc.scales.findIndex(scale => scale.width * scale.height <= LARGEST_PICTURE);
     this.say("Making the picture");
     try {
-      const canvas = await this.upright(await this.picture(number));
+      const canvas = await upright(await this.picture(number), this.state.turns);
       canvas.toBlob(blob => {
         if (!blob) return this.say("The picture is too large for this browser.");
-        this.download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.png`);
+        download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.png`);
         return this.say(number ? `Saved at 1/${this.doc.scales[number].factor} of its size.` : "Saved.");
       });
     } catch (error) {
       this.say(error.message);
     }
   }
-}
-
-// Show a painting in an element. `source` gives tiles by name and photographs by number, as promises.
-export function mount(element, doc, source) {
-  try {
-    return new Viewer(element, doc, source);
-  } catch (error) {
-    element.replaceChildren(h("p", { className: "refused", role: "alert" }, error.message));
-    throw error;
-  }
-}
-
-// The page of a site.
-export function startPage() {
-  const { document: doc } = window.impasto;
-  window.impasto.viewer = mount(window.document.getElementById("impasto"), doc, scriptSource(""));
 }
