@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import http.client
 import io
 import json
 import os
-import signal
 import socket
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import cv2
@@ -29,6 +23,7 @@ from impasto.depth_mesh import DepthMesh
 from impasto.editing import BallOutlines, EditServer, Marks, Mesh, Subject
 from impasto.editing.server import PAGE
 from impasto.local_page import LARGEST
+from loopback import fetched, request, running, serving
 
 SIZE = (100.0, 75.0)
 CORNERS = {
@@ -37,59 +32,8 @@ CORNERS = {
 }  # fmt: skip
 
 
-@contextmanager
-def served(subject: Subject) -> Iterator[EditServer]:
-    server = EditServer(subject)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
-
-
-@dataclass
-class Answer:
-    status: int
-    kind: str
-    data: bytes
-    headers: dict[str, str]
-
-    @property
-    def error(self) -> str:
-        return str(json.loads(self.data)["error"])
-
-
-def request(
-    server: EditServer, path: str, body: bytes | None = None, **headers: str | None
-) -> Answer:
-    """As the page asks; a header of None is left out. The path is sent as it is."""
-    own = f"127.0.0.1:{server.server_port}"
-    sent: dict[str, str | None] = {"Host": own}
-    if body is not None:
-        sent |= {"Origin": f"http://{own}", "Content-Type": "application/json"}
-        sent |= {"Content-Length": str(len(body))}
-    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    connection.putrequest(
-        "GET" if body is None else "POST", path, skip_host=True, skip_accept_encoding=True
-    )
-    for name, value in sent.items():
-        if value is not None:
-            connection.putheader(name, value)
-    connection.endheaders()
-    try:
-        if body:
-            connection.send(body)
-    except OSError:
-        pass  # refused before the body was read
-    answer = connection.getresponse()
-    found = Answer(answer.status, answer.getheader("Content-Type", ""), answer.read(),
-                   dict(answer.getheaders()))  # fmt: skip
-    connection.close()
-    return found
+def served(subject: Subject) -> AbstractContextManager[EditServer]:
+    return serving(EditServer(subject))
 
 
 @pytest.fixture
@@ -429,39 +373,13 @@ def test_mistakes_are_named(
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_ends_the_command(folder: Path) -> None:
     words = ["edit", "marks", "photographs", "--points", "p.json", "--size", "4x3", "--no-browser"]
-    code = (
-        "import signal\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it\n"
-        "from impasto.cli import main\n"
-        f"raise SystemExit(main({words}))\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code], cwd=folder.parent, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stderr is not None
-            url = ""
-            while "http://" not in url:
-                url = process.stderr.readline()
-                assert url, "the command ended before it printed an address"
-            host, token = url.strip().removeprefix("http://").strip("/").split("/")
-            connection = http.client.HTTPConnection(host, timeout=20)
-            connection.request("GET", f"/{token}/")
-            assert connection.getresponse().status == 200
-            connection.close()
-            process.send_signal(signal.SIGINT)
-            assert process.wait(30) == 0
-            assert "Traceback" not in process.stderr.read()
-        finally:
-            process.kill()
+    with running(words, folder.parent) as url:
+        assert fetched(url).startswith(b"<!doctype html>")
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    if chromium.PROGRAM is None:
-        if os.environ.get("IMPASTO_EXPECT_BROWSER") == "1":
-            pytest.fail("chromium is not installed")
-        pytest.skip("chromium is not installed")
+    chromium.needed()
     with chromium.Chromium(tmp_path_factory.mktemp("browser")) as one:
         yield one
 

@@ -306,7 +306,7 @@ def metallic(lit: Surface) -> float | NDArray[np.float32]:
     """
     if lit.model != "torrance-sparrow" or not lit.index > 1.0:
         return 0.0
-    most = _head_on(DENSEST) / _head_on(lit.index)
+    most = head_on(DENSEST) / head_on(lit.index)
     total: Any = np.float32(0.0)
     for lobe in lit.lobes:
         strength = np.asarray(lobe.strength, dtype=np.float32)
@@ -318,7 +318,7 @@ def metallic(lit: Surface) -> float | NDArray[np.float32]:
     return float(share) if np.ndim(share) == 0 else floats(share)
 
 
-def _head_on(index: float) -> float:
+def head_on(index: float) -> float:
     """Fresnel reflectance at normal incidence."""
     return ((index - 1.0) / (index + 1.0)) ** 2
 
@@ -333,7 +333,7 @@ def varnished(
     if varnish.removed:
         return lit
     indices = (lit.index, varnish.index, varnish.index / lit.index)
-    own, coat, between = (_head_on(index) for index in indices)
+    own, coat, between = (head_on(index) for index in indices)
     mirror = lit.model == "lafortune"
     # Torrance-Sparrow lobes are multiplied by Fresnel's reflectance of the surface's index.
     bare = own if mirror else coat

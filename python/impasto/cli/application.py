@@ -69,6 +69,9 @@ def application() -> App:
     app.command(export.application())
     app.command(rti.application())
     app.command("impasto.cli.compare:compare", help="Show what changed between two states.")
+    app.command(
+        "impasto.cli.view:view", help="Show a fitted painting in the browser, in any light."
+    )
     app.command("impasto.cli.doctor:doctor", help="Check photographs before a fit.")
     app.command("impasto.cli.study:study", help="Measure what accuracy costs in time.")
     app.command("impasto.cli.info:info", help="Show what is installed, or what a result contains.")

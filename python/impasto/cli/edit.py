@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
-from rich.markup import escape
 
-from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag
-from impasto.errors import ArgumentError
+from impasto.cli.serving import check_port, serve
 
 if TYPE_CHECKING:
     from impasto.editing import Subject
@@ -151,15 +148,6 @@ def mesh(
 def _serve(subject: Subject, stages: Stages, port: int, no_browser: bool) -> int:
     from impasto.editing import EditServer
 
-    if not 0 <= port <= 65535:
-        raise ArgumentError(f"--port: expected 0 to 65535, found {port}")
-    server = EditServer(subject, port)
-
-    def ready(url: str) -> None:
-        stages.say(f"  {'':14}{escape(url)}")
-        stages.say(f"  {'':14}[dim]save on the page; Ctrl-C here ends it[/]")
-        if not no_browser:
-            webbrowser.open(url)
-
-    server.run(ready)
-    return Exit.OK
+    check_port(port)
+    hint = "save on the page; Ctrl-C here ends it"
+    return serve(EditServer(subject, port), stages, hint, no_browser=no_browser)

@@ -106,7 +106,7 @@ def fine_weights(
 ) -> tuple[Floats, Floats]:
     """The observer's 1 nm grid ``(m,)`` and the weights ``(3, m)``; the Y row sums to 1."""
     one_of(observer, OBSERVERS, "observer")
-    fine, functions = _matching_functions(observer)
+    fine, functions = matching_functions(observer)
     power = sampled(illuminant, fine, own_grid, name)
     # The largest value becomes 1 first: tables in W m^-3 or of a cold blackbody would otherwise
     # run into the ends of the range of a double.
@@ -128,7 +128,7 @@ def _describe(illuminant: Illuminant) -> str:
 
 
 @lru_cache(maxsize=8)
-def _matching_functions(observer: str) -> tuple[Floats, Floats]:
+def matching_functions(observer: str) -> tuple[Floats, Floats]:
     """Wavelengths ``(m,)`` in steps of 1 nm and functions ``(3, m)``."""
     table = science().MSDS_CMFS[observer]
     return (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.html import png
+from impasto._internal.png import png
 from impasto.errors import CorruptInputError
 from impasto.export.folder import beside
 from impasto.export.loss import REPORT, LossReport, Shown, measure, written

@@ -123,6 +123,14 @@ def decisions_view(decisions: Any) -> str:
     return grid(type(decisions).__name__, heads[:shown], [row[:shown] for row in rows], note)
 
 
+def relightable_view(image: Any) -> str:
+    """A relightable image of another program in two lights."""
+    lit = {"light from above": (0.0, 0.71, 0.71), "raking light": (-0.9, 0.3, 0.31)}
+    shown = {name: thumbnail(image.linear(light)[0]) for name, light in lit.items()}
+    facts = {name.replace("_", " "): value for name, value in image.report().items()}
+    return table("RelightableImage", facts, shown)
+
+
 def comparison_view(comparison: Any) -> str:
     """The table of a :class:`impasto.Comparison`, before and after, and what changed."""
     overview = comparison.overview

@@ -27,7 +27,14 @@ from impasto.fit.stored.planning import plan_parts
 from impasto.io.images.bands_of_rows import TIFF_TILE, check_suffix, write_tiff_rows
 from impasto.io.results import checked_maps, result_file
 from impasto.io.results.zarr_arrays import ZarrArray, need_zarr
-from impasto.io.results.zarr_store import Levels, contents, levels_of, read_array, statistics_of
+from impasto.io.results.zarr_store import (
+    Levels,
+    contents,
+    levels_of,
+    read_array,
+    read_window,
+    statistics_of,
+)
 from impasto.level import Level, level_of_sample, sample_step
 from impasto.picture import Backend, Fidelity
 from impasto.rig import Rig
@@ -430,16 +437,52 @@ class StoredSbrdf:
         CorruptInputError
             A file is missing or damaged.
         """
+        maps = self._of_level(factor)
+        arrays = {name: read_array(self.path, one) for name, one in maps.items()}
+        return self._level_of(arrays, factor, place_of_level(self.shape, self.rig.origin, factor))
+
+    def level_part(self, factor: int, rows: slice, columns: slice) -> StoredLevel:
+        """A window of :meth:`level`; no other chunks of the smaller maps are read.
+
+        Parameters
+        ----------
+        factor
+            As in :meth:`level`.
+        rows, columns
+            Of the smaller maps, slices of step 1.
+
+        Raises
+        ------
+        ArgumentError
+            A factor that the store does not have, or no window of its maps.
+        CorruptInputError
+            A chunk of the window is missing or damaged.
+        """
+        maps = self._of_level(factor)
+        height, width = maps["normal"].shape[-2:]
+        part = window((rows, columns), (height, width))
+        arrays = {name: read_window(self.path, one, *part) for name, one in maps.items()}
+        right, up = place_of_level(self.shape, self.rig.origin, factor)
+        along, above = offset(part, (height, width))
+        return self._level_of(arrays, factor, (right + along, up + above))
+
+    def level_shape(self, factor: int) -> tuple[int, int]:
+        """``(y, x)`` of the smaller maps of :meth:`level`."""
+        height, width = self._of_level(factor)["normal"].shape[-2:]
+        return height, width
+
+    def _of_level(self, factor: int) -> dict[str, ZarrArray]:
         if factor not in self._levels:
             there = ", ".join(map(str, self._levels)) or "none"
             raise ArgumentError(f"factor: the store has {there}, found {factor!r}")
-        template = self._pixel.surface()
-        maps = {one.name.rsplit("/", 1)[1]: one for one in self._levels[factor]}
-        origin = place_of_level(self.shape, self.rig.origin, factor)
+        return {one.name.rsplit("/", 1)[1]: one for one in self._levels[factor]}
+
+    def _level_of(
+        self, arrays: dict[str, NDArray[Any]], factor: int, origin: tuple[float, float]
+    ) -> StoredLevel:
         pitch = None if self.pitch_mm is None else self.pitch_mm * factor
-        arrays = {name: read_array(self.path, one) for name, one in maps.items()}
         with checked_maps(self.path, {"kind": np.array("level"), **arrays}, "level"):
-            surface = surface_of_level(arrays, template)
+            surface = surface_of_level(arrays, self._pixel.surface())
         lit = replace(surface, pitch_mm=pitch, origin=origin)
         return StoredLevel(lit, self._pixel.eye())
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import one_of
-from impasto._internal.html import table, thumbnail
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.rti.bases import Basis, Floats, unit_directions
@@ -268,10 +267,10 @@ class RelightableImage:
         return facts
 
     def _repr_html_(self) -> str:
-        lit = {"light from above": (0.0, 0.71, 0.71), "raking light": (-0.9, 0.3, 0.31)}
-        shown = {name: thumbnail(self.linear(light)[0]) for name, light in lit.items()}
-        facts = {name.replace("_", " "): value for name, value in self.report().items()}
-        return table("RelightableImage", facts, shown)
+        """HTML for notebooks: what it is, and pictures in two lights."""
+        from impasto.notebook import relightable_view
+
+        return relightable_view(self)
 
 
 def dome(count: int) -> Floats:

@@ -1,0 +1,91 @@
+"""``impasto view``: a fitted painting in the browser, in any light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from impasto._internal.checks import length_mm
+from impasto.cli.console import Stages
+from impasto.cli.options import Flag, SomeWhole, check_threads
+from impasto.cli.serving import check_port, serve
+
+
+def view(
+    result: Annotated[Path, Parameter(name=["RESULT"])],
+    /,
+    *,
+    photographs: Path | None = None,
+    encoding: str | None = None,
+    title: str | None = None,
+    pitch: float | None = None,
+    port: int = 0,
+    no_browser: Annotated[Flag, Parameter(negative="")] = False,
+    threads: SomeWhole = None,
+) -> int:
+    """Show a fitted painting in the browser: drag the light over it.
+
+    The page is served on this machine alone; Ctrl-C ends it. impasto.viewer.write_site writes the
+    same page as a folder to hand on.
+
+    Parameters
+    ----------
+    result
+        The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run, of
+        any size.
+    photographs
+        What the result was fitted to (a light file, session.toml, folder or store), to compare with
+        its pictures: four of them are shown.
+    encoding
+        Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
+        linear for all others.
+    title
+        Above the page; default: the name of the result.
+    pitch
+        Width of a pixel in mm, if the result does not contain it.
+    port
+        To listen on; default: a free one.
+    no_browser
+        Print the address of the page only.
+    threads
+        Default: every core.
+    """
+    import impasto
+    from impasto.cli.maps import load_result
+    from impasto.io.results import result_file
+    from impasto.viewer import Contents, ViewServer
+
+    check_threads(threads)
+    check_port(port)
+    if pitch is not None:
+        length_mm(pitch, "pitch_mm")
+    stages = Stages(quiet=False)
+    path = result_file(result)
+    painting: Any
+    with stages.stage("result") as stage:
+        if path.suffix.lower() == ".zarr" and path.is_dir():
+            painting, reflectance = impasto.open_sbrdf(path), None
+        else:
+            painting, reflectance = load_result(result)
+        rows, columns = painting.shape
+        stage.note = f"{columns} x {rows} pixels"
+    stack = None
+    if photographs is not None:
+        options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
+        with stages.warned(), stages.stage("photographs") as stage:
+            stack = impasto.read_stack(photographs, **options)
+            stage.note = f"{len(stack.rig)}"
+    with stages.stage("page") as stage:
+        contents = Contents(
+            painting,
+            reflectance=reflectance,
+            stack=stack,
+            title=result.name if title is None else title,
+            pitch_mm=pitch,
+            threads=threads,
+        )
+        stage.note = f"{contents.tiles} tiles"
+    hint = "Ctrl-C here ends it"
+    return serve(ViewServer(contents, port), stages, hint, no_browser=no_browser)

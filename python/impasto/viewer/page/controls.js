@@ -1,0 +1,294 @@
+// The panel beside the painting: every control reads the state and asks for a new one.
+
+import { adaptedTemperature } from "./colour.js";
+import { LOWEST, directionOf, anglesOf, layersOf } from "./state.js";
+import { MOST_DIFFERENCE } from "./renderer.js";
+import { codesOf, labOf, spectrumOf } from "./values.js";
+import { svg, spectrumPlot, lobePlot } from "./plots.js";
+import { placeOf, textOf } from "./annotations.js";
+
+export function h(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (key in made && key !== "list" && key !== "form") made[key] = value;
+    else if (value !== null) made.setAttribute(key, value);
+  }
+  made.append(...children.filter(child => child !== null));
+  return made;
+}
+
+const degrees = value => `${Math.round(value)}°`;
+const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
+export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${SIDES[Math.round(azimuth / 45) % 8]}`}, ${degrees(elevation)} high`;
+
+export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
+
+const heightWords = (doc, value) => `${value.toPrecision(3)} ${doc.pitch ? "mm" : "pixels"}`;
+
+let serial = 0;
+function slider(text, attributes, change, shown) {
+  const id = `impasto-${++serial}`, output = h("output", { htmlFor: id });
+  const input = h("input", { type: "range", id, ...attributes, oninput: () => change(Number(input.value)) });
+  const element = h("div", { className: "field" }, h("label", { htmlFor: id }, text), output, input);
+  return { element, input, update: value => {
+    if (document.activeElement !== input || Number(input.value) !== value) input.value = value;
+    output.textContent = shown(value);
+    input.setAttribute("aria-valuetext", shown(value));
+  } };
+}
+
+function choice(name, options, change) {
+  const group = `impasto-${++serial}`;
+  const inputs = options.map(option => h("input", { type: "radio", name: group, value: option.name, onchange: () => change(option.name) }));
+  const element = h("div", { className: "choice", role: "radiogroup", "aria-label": name },
+    ...options.map((option, i) => h("label", {}, inputs[i], h("span", {}, option.label))));
+  return { element, update: value => inputs.forEach(input => { input.checked = input.value === value; }) };
+}
+
+function check(text, change) {
+  const input = h("input", { type: "checkbox", onchange: () => change(input.checked) });
+  return { element: h("label", { className: "check" }, input, h("span", {}, text)), update: value => { input.checked = value; } };
+}
+
+const section = (title, open, ...children) => h("details", { open }, h("summary", {}, h("h2", {}, title)), h("div", { className: "body" }, ...children));
+
+// The sky above the painting, seen from in front: the middle is in front, the edge grazes.
+function dome(app) {
+  const size = 168, middle = size / 2, reach = 76;
+  const dot = svg("circle", { r: 8, class: "lamp" });
+  const picture = svg("svg", { viewBox: `0 0 ${size} ${size}`, class: "dome", tabindex: 0, role: "slider", "aria-label": "Direction of the light",
+    "aria-valuemin": 0, "aria-valuemax": 360 });
+  for (const elevation of [0, 30, 60]) picture.append(svg("circle", { cx: middle, cy: middle, r: reach * Math.cos(elevation * Math.PI / 180), class: "ring" }));
+  picture.append(svg("line", { x1: middle - reach, x2: middle + reach, y1: middle, y2: middle, class: "ring" }),
+    svg("line", { x1: middle, x2: middle, y1: middle - reach, y2: middle + reach, class: "ring" }), dot);
+  const move = event => {
+    const box = picture.getBoundingClientRect(), scale = size / box.width / reach;
+    app.lightAt((event.clientX - box.left - box.width / 2) * scale, -(event.clientY - box.top - box.height / 2) * scale);
+  };
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); app.moving(true); move(event); });
+  picture.addEventListener("pointermove", event => picture.hasPointerCapture(event.pointerId) && move(event));
+  picture.addEventListener("lostpointercapture", () => app.moving(false));
+  picture.addEventListener("keydown", event => app.lightKey(event));
+  return { element: picture, update: state => {
+    const azimuth = app.onPage(state.azimuth), [x, y] = directionOf(azimuth, state.elevation);
+    dot.setAttribute("cx", middle + reach * x);
+    dot.setAttribute("cy", middle - reach * y);
+    picture.setAttribute("aria-valuenow", Math.round(azimuth));
+    picture.setAttribute("aria-valuetext", lightWords(azimuth, state.elevation));
+  } };
+}
+
+function lightSection(app, updates) {
+  const { doc } = app, pad = dome(app);
+  const number = (text, name, low, high, from = value => value, to = value => value) => {
+    const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
+      onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
+    updates.push(state => { if (document.activeElement !== input) input.value = Math.round(to(state[name])); });
+    return h("label", {}, `${text} (°)`, input);
+  };
+  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
+  const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
+  updates.push(pad.update, state => exposure.update(state.exposure));
+  const near = [];
+  if (doc.pitch) {
+    const extent = Math.hypot(doc.width, doc.height) * doc.pitch;
+    const first = Math.round(1.5 * extent);
+    const lamp = check("Near lamp", on => app.set({ near: on ? first : null, photograph: -1 }));
+    const distance = slider("Distance", { min: Math.log10(0.15 * extent), max: Math.log10(8 * extent), step: 0.01 },
+      value => app.set({ near: 10 ** value }), value => `${(10 ** value).toPrecision(3)} mm`);
+    updates.push(state => { lamp.update(state.near !== null); distance.element.hidden = state.near === null; distance.update(Math.log10(state.near ?? first)); });
+    near.push(lamp.element, distance.element);
+  }
+  return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
+    number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
+  h("div", { className: "presets" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
+  ...near, exposure.element);
+}
+
+function colourSection(app, updates) {
+  const { colours } = app.doc;
+  if (!colours.adaptation) return null;
+  const light = choice("Illuminant", colours.illuminants.map(one => ({ name: one.name, label: one.label })), illuminant => app.set({ illuminant }));
+  const eye = check("Adapted eye", on => app.set({ adaptation: on ? colours.adaptation.mean : null }));
+  const degree = slider("Degree of adaptation d", { min: 0, max: 1, step: 0.01 }, adaptation => app.set({ adaptation }), value => value.toFixed(2));
+  const mean = h("button", { type: "button", className: "mark", title: "The mean of the observers of the six-band paper",
+    onclick: () => app.set({ adaptation: colours.adaptation.mean }) }, String(colours.adaptation.mean));
+  mean.style.setProperty("--at", colours.adaptation.mean);
+  const kelvin = h("p", { className: "faint" });
+  degree.element.append(h("div", { className: "marks" }, mean));
+  updates.push(state => {
+    light.update(state.illuminant);
+    eye.update(state.adaptation !== null);
+    degree.element.hidden = state.adaptation === null;
+    degree.update(state.adaptation ?? colours.adaptation.mean);
+    const test = colours.illuminants.find(one => one.name === state.illuminant).kelvin;
+    kelvin.textContent = state.adaptation === null ? `${Math.round(test)} K, shown as it is`
+      : `The eye is adapted to ${Math.round(adaptedTemperature(test, colours.adaptation.reference, state.adaptation))} K; the light has ${Math.round(test)} K`;
+  });
+  return section("Colour of the light", true, light.element, eye.element, degree.element, kelvin);
+}
+
+function legend(app) {
+  const element = h("div", { className: "legend" });
+  const gradient = `linear-gradient(to right, ${app.doc.ramp.filter((_, i) => i % 17 === 0).map(c => `rgb(${c})`).join(",")})`;
+  const bar = (low, high) => {
+    const line = h("div", { className: "ramp" });
+    line.style.background = gradient;
+    return [line, h("div", { className: "ends" }, h("span", {}, low), h("span", {}, high))];
+  };
+  return { element, bar, update: state => {
+    element.replaceChildren();
+    const [low, high] = app.renderer.ranges[state.layer] ?? [0, 0];
+    if (state.layer === "width") element.append(...bar(`${(2 ** low * 180 / Math.PI).toPrecision(2)}°`, `${(2 ** high * 180 / Math.PI).toPrecision(2)}°`));
+    if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
+    if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
+    if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
+    if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
+    if (state.layer === "status") {
+      element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
+        const swatch = h("span", { className: "swatch" });
+        swatch.style.background = `rgb(${app.doc.statuses[code].colour})`;
+        return h("li", { title: app.doc.statuses[code].reason }, swatch, app.doc.statuses[code].name);
+      })));
+    }
+  } };
+}
+
+function layerSection(app, updates) {
+  const layers = choice("Layer", layersOf(app.doc), layer => app.set({ layer }));
+  const words = legend(app);
+  updates.push(state => { layers.update(state.layer); words.update(state); });
+  return section("Layers", true, layers.element, words.element);
+}
+
+function effectSection(app, updates) {
+  const { doc } = app;
+  const names = [["matte", "Matte part"], ...(doc.lobes.length ? [["gloss", "Gloss"]] : []), ...(doc.ambient ? [["ambient", "Light from all sides"]] : [])];
+  const switches = names.map(([name, label]) => {
+    const one = check(label, on => app.set({ [name]: on }));
+    updates.push(state => one.update(state[name]));
+    return one.element;
+  });
+  const coats = doc.colours.varnishes;
+  let varnish = null;
+  if (coats.length) {
+    varnish = choice("Varnish", [{ name: "none", label: "As it is" }, ...coats.map(({ name, label }) => ({ name, label }))], name => app.set({ varnish: name }));
+    updates.push(state => varnish.update(state.varnish));
+  }
+  const rows = doc.effects.filter(one => one.decision !== "absent").map(one =>
+    h("div", {}, h("dt", {}, one.name, h("span", { className: "tag" }, one.decision)), h("dd", {}, one.reason)));
+  const absent = doc.effects.filter(one => one.decision === "absent").map(one => one.name);
+  const plan = rows.length ? h("div", {}, h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
+    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : "") : null;
+  return section("Effects", false, ...switches, varnish ? h("h3", {}, "Varnish") : null, varnish?.element ?? null, plan);
+}
+
+function viewSection(app, updates) {
+  const tilt = slider("Tilt", { min: 0, max: 75, step: 1 }, value => app.set({ tilt: value }), degrees);
+  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: app.onPainting(value) }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
+  const relief = slider("Relief", { min: 0, max: 10, step: 0.5 }, value => app.set({ relief: value }), value => `${value} times`);
+  updates.push(state => {
+    for (const [one, value] of [[tilt, state.tilt], [towards, app.onPage(state.towards)], [relief, state.relief]]) one.update(value);
+    towards.element.hidden = !state.tilt;
+    relief.element.hidden = !state.tilt || !app.doc.relief;
+  });
+  return section("View", false, tilt.element, towards.element, relief.element,
+    h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel"),
+      h("button", { type: "button", onclick: () => app.turn90() }, "Turn")));
+}
+
+function compareSection(app, updates) {
+  const { doc } = app;
+  if (!doc.photographs.length) return null;
+  const pick = choice("Photograph", [{ name: "-1", label: "None" }, ...doc.photographs.map((one, i) => ({ name: String(i), label: `No. ${one.number + 1}` }))],
+    name => app.compareWith(Number(name)));
+  const what = choice("Beside it", [{ name: "photograph", label: "Photograph" }, { name: "difference", label: "Difference" }], compare => app.set({ compare }));
+  const words = legend(app), scale = h("div", {}, ...words.bar("0", `${MOST_DIFFERENCE} CIEDE2000`));
+  const hint = h("p", { className: "faint" }, "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line.");
+  updates.push(state => {
+    pick.update(String(state.photograph));
+    what.update(state.compare);
+    what.element.hidden = hint.hidden = state.photograph < 0;
+    scale.hidden = state.photograph < 0 || state.compare !== "difference";
+  });
+  return section("Photographs", false, pick.element, what.element, scale, hint);
+}
+
+function pixelSection(app, updates) {
+  const body = h("div", { "aria-live": "polite" });
+  const made = section("Pixel", false, body);
+  const hint = h("p", { className: "faint" }, "Choose Inspect (I), then a place of the painting.");
+  body.append(hint);
+  app.showPixel = (place, values) => {
+    if (!place) return body.replaceChildren(hint);
+    made.open = true;
+    const { doc } = app, { colours } = doc, rows = [["Place", `column ${place[0]}, row ${place[1]}`]];
+    if (doc.pitch) rows.push(["", `${((place[0] + 0.5) * doc.pitch).toFixed(1)} mm from the left, ${((place[1] + 0.5) * doc.pitch).toFixed(1)} mm from the top`]);
+    rows.push(["Status", values.status ? `${values.status.name}: ${values.status.reason}` : "not read"]);
+    const plots = [];
+    if (values.shown) {
+      rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
+      if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
+      if (colours.basis) {
+        const lab = labOf(colours, app.state.illuminant, values.diffuse);
+        rows.push(["Lab", lab.map(value => value.toFixed(1)).join(", ")]);
+        plots.push(h("h3", {}, "Reflectance"), spectrumPlot(colours.wavelengths, spectrumOf(colours, values.diffuse)));
+      } else {
+        rows.push(["Colour", values.diffuse.map((value, k) => `${doc.bands[k] ?? k + 1} ${value.toFixed(3)}`).join(", ")]);
+      }
+      const codes = codesOf(app.renderer.colours.diffuse, values.diffuse);
+      rows.push(["In full light", codes.join(", ")]);
+      values.lobes.forEach((lobe, i) => {
+        const shape = doc.model === "lafortune" ? lobe.shape.map((value, k) => `${["Cxy", "Cz", "n"][k]} ${value.toPrecision(3)}`).join(", ")
+          : `half-width ${(lobe.shape[0] * 180 / Math.PI).toPrecision(3)}°`;
+        const strength = lobe.strength.length === 1 ? `, strength ${lobe.strength[0].toPrecision(3)}` : "";
+        rows.push([values.lobes.length > 1 ? `Lobe ${i + 1}` : "Gloss", shape + strength]);
+      });
+      const luminance = values => {
+        const row = colours.illuminants[0].diffuse[1];
+        return values.reduce((sum, value, k) => sum + row[k] * value, 0);
+      };
+      plots.push(h("h3", {}, "Reflected light"), lobePlot(doc, values, luminance));
+    }
+    body.replaceChildren(h("dl", { className: "values" }, ...rows.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])), ...plots);
+  };
+  return made;
+}
+
+function noteSection(app) {
+  const list = h("ul", { className: "notes" }), hint = h("p", { className: "faint" }, "Choose Note (N) and draw a rectangle on the painting.");
+  const kept = h("p", { className: "faint" });
+  const open = h("input", { type: "file", accept: ".json,.jsonld,application/json", hidden: true, onchange: () => { if (open.files[0]) app.openNotes(open.files[0]); open.value = ""; } });
+  app.showNotes = (notes, stored) => {
+    hint.hidden = notes.length > 0;
+    kept.textContent = notes.length ? (stored ? "Kept in this browser; save them to hand them on." : "This browser keeps nothing here; save them.") : "";
+    list.replaceChildren(...notes.map((one, i) => h("li", {},
+      h("button", { type: "button", className: "plain", title: "Show the place", onclick: () => app.goTo(placeOf(one)) }, `${i + 1}. ${textOf(one) || "(no words)"}`),
+      h("button", { type: "button", className: "plain", "aria-label": `Remove note ${i + 1}`, onclick: () => app.removeNote(i) }, "×"))));
+  };
+  return section("Notes", false, hint, list, kept, h("div", { className: "row wrap" },
+    h("button", { type: "button", onclick: () => app.saveNotes() }, "Save notes"), h("button", { type: "button", onclick: () => open.click() }, "Open notes"), open));
+}
+
+const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°"], ["R", "raking light, turned on by 45°"],
+  ["+ − 0 1", "zoom, show all, pixel for pixel"], ["Shift and drag", "move"], ["wheel, two fingers", "zoom"], ["T", "turn the picture by 90°"], ["P", "copy a link to this view"], ["S", "save the picture"], ["H", "hide the panel"]];
+
+export function panel(app) {
+  const updates = [];
+  const said = h("p", { className: "said", role: "status" });
+  app.say = text => { said.textContent = text; };
+  const element = h("aside", { "aria-label": "Controls" },
+    lightSection(app, updates), colourSection(app, updates), layerSection(app, updates), effectSection(app, updates), viewSection(app, updates),
+    compareSection(app, updates), pixelSection(app, updates), noteSection(app),
+    section("Hand on", false, h("div", { className: "row wrap" },
+      h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
+    h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
+    section("Keys", false, h("dl", { className: "keys" }, ...KEYS.flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
+  return { element, update: state => updates.forEach(update => update(state)) };
+}
+
+export const anglesFromPlane = (x, y) => {
+  const across = Math.min(Math.hypot(x, y), Math.cos(LOWEST * Math.PI / 180)), scale = Math.hypot(x, y) || 1;
+  return anglesOf([x / scale * across, y / scale * across, Math.sqrt(1 - across * across)]);
+};

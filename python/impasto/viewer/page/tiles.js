@@ -1,0 +1,98 @@
+// Tiles by name: fetched as scripts, which also works from a disk, and decompressed.
+
+const LARGEST_TILE = 64 << 20; // bytes of a decompressed tile: 256 x 256 texels of 1 kB
+const AT_ONCE = 6;
+
+// Each script calls window.impasto.arrived(name, data) with base64: of gzip for a tile, of PNG for a photograph.
+export function scriptSource(folder) {
+  const waiting = new Map();
+  window.impasto.arrived = (name, data) => waiting.get(name)?.(data);
+  const load = name => new Promise((resolve, reject) => {
+    const element = document.createElement("script");
+    const done = (settle, value) => {
+      waiting.delete(name);
+      element.remove();
+      settle(value);
+    };
+    waiting.set(name, data => done(resolve, data));
+    element.onload = () => waiting.has(name) && done(reject, new Error(`${name} holds nothing`));
+    element.onerror = () => done(reject, new Error(`${name} is missing`));
+    element.src = `${folder}${name}.js`;
+    document.head.append(element);
+  }).then(bytesOf);
+  return {
+    tile: name => load(`tiles/${name}`).then(decompressed),
+    // An image from a file would not be readable by WebGL: a page from a disk has no origin.
+    photograph: number => load(`photographs/${number}`)
+      .then(bytes => createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" })),
+  };
+}
+
+function bytesOf(data) {
+  const text = atob(data), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}
+
+async function decompressed(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")).getReader();
+  const parts = [];
+  for (let size = 0; ;) {
+    const { done, value } = await stream.read();
+    if (done) break;
+    size += value.length;
+    if (size > LARGEST_TILE) throw new Error("a tile is too large");
+    parts.push(value);
+  }
+  return new Blob(parts).arrayBuffer();
+}
+
+export class Tiles {
+  constructor(source, arrived) {
+    this.source = source;
+    this.arrived = arrived;
+    this.known = new Map(); // name: { state, buffer }
+    this.queue = [];
+    this.running = 0;
+  }
+
+  // Ask for tiles, the first most; what waits and is not among them is forgotten.
+  want(names) {
+    this.queue = names.filter(name => !this.known.has(name));
+    this.next();
+  }
+
+  next() {
+    while (this.running < AT_ONCE && this.queue.length) {
+      const name = this.queue.shift();
+      if (!this.known.has(name)) this.load(name);
+    }
+  }
+
+  load(name) {
+    const entry = { buffer: null, failed: false };
+    this.known.set(name, entry);
+    this.running++;
+    entry.promise = this.source.tile(name)
+      .then(buffer => { entry.buffer = buffer; })
+      .catch(error => { entry.failed = true; console.error(error); })
+      .then(() => {
+        this.running--;
+        this.arrived(name, entry);
+        this.next();
+        return entry.buffer;
+      });
+    return entry.promise;
+  }
+
+  // The numbers of a tile, loaded if need be.
+  get(name) {
+    const entry = this.known.get(name);
+    if (entry) return entry.buffer ? Promise.resolve(entry.buffer) : entry.promise;
+    return this.load(name);
+  }
+
+  forget(name) {
+    this.known.delete(name);
+  }
+}

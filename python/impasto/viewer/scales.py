@@ -1,0 +1,242 @@
+"""A painting at all its scales, tile by tile: from maps in memory, or from a store of any size.
+
+At each scale pixels are means of 2 x 2 of the one before, with lobes that the scatter of the
+normals has widened (:func:`impasto.lighting.reduced`), as in the stores of jobs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.windows import Window
+from impasto.errors import ArgumentError
+from impasto.fit.stored import StoredSbrdf
+from impasto.lighting import reduced
+from impasto.rig import PointView
+from impasto.surface import Lobe, Surface
+from impasto.viewer.layout import status_at
+
+SIDE = 256
+"""Rows and columns of a tile."""
+READ = 8
+"""Largest factor at which the status of a store is read: each tile of it reads so many squared."""
+LOADED = 2**24
+"""Most pixels of a store without smaller scales."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The painting at one scale.
+
+    Attributes
+    ----------
+    factor
+        How many pixels of the painting, along a side, are one.
+    shape
+        ``(y, x)``.
+    """
+
+    factor: int
+    shape: tuple[int, int]
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Rows and columns of tiles."""
+        return -(-self.shape[0] // SIDE), -(-self.shape[1] // SIDE)
+
+    def window(self, row: int, column: int) -> Window:
+        """Rows and columns of a tile.
+
+        Raises
+        ------
+        IndexError
+            There is no such tile.
+        """
+        rows, columns = self.tiles
+        if not (0 <= row < rows and 0 <= column < columns):
+            raise IndexError(f"no tile {row}, {column} of {rows} x {columns}")
+        height, width = self.shape
+        return (
+            slice(row * SIDE, min((row + 1) * SIDE, height)),
+            slice(column * SIDE, min((column + 1) * SIDE, width)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The maps of a part of a painting at one scale.
+
+    Attributes
+    ----------
+    surface
+        Normals, colours and lobes.
+    status
+        ``(y, x)`` :class:`~impasto.Status`, where it was read.
+    beneath
+        ``(y, x)`` share of the gloss that a varnish leaves as it is, where that matters.
+    """
+
+    surface: Surface
+    status: NDArray[np.uint8] | None = None
+    beneath: NDArray[np.float32] | None = None
+
+
+class Scales(Protocol):
+    """Parts of a painting at any of its scales."""
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """From the painting itself to the smallest."""
+
+    @property
+    def template(self) -> Surface:
+        """A part, for what is no map."""
+
+    def part(self, scale: Scale, window: Window) -> Part:
+        """Its maps."""
+
+
+class ScalesInMemory:
+    """Of a surface that is loaded.
+
+    Parameters
+    ----------
+    surface
+        With the colours that the page shows.
+    status
+        ``(y, x)`` :class:`~impasto.Status`; None where there is none.
+    beneath
+        As in :class:`Part`: a map ``(y, x)``.
+    """
+
+    def __init__(
+        self,
+        surface: Surface,
+        status: NDArray[np.uint8] | None = None,
+        beneath: NDArray[np.float32] | None = None,
+    ) -> None:
+        self._template = surface
+        self._status = status
+        self._levels = [surface]
+        self._beneath = [beneath]
+        while max(self._levels[-1].shape) > SIDE and min(self._levels[-1].shape) > 1:
+            above = self._levels[-1]
+            smaller, height = reduced(above, above.height, 2)
+            self._levels.append(replace(smaller, height=height))
+            share = self._beneath[-1]
+            self._beneath.append(None if share is None else _halved(share))
+        self._scales = tuple(Scale(2**n, one.shape) for n, one in enumerate(self._levels))
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """See :class:`Scales`."""
+        return self._scales
+
+    @property
+    def template(self) -> Surface:
+        """The surface."""
+        return self._template
+
+    def part(self, scale: Scale, window: Window) -> Part:
+        """See :class:`Scales`."""
+        number = scale.factor.bit_length() - 1
+        whole, beneath = self._levels[number], self._beneath[number]
+        status = None
+        if self._status is not None:
+            rows, columns = whole.shape
+            status = status_at(self._status, scale.factor)[:rows, :columns][window]
+        return Part(cut(whole, window), status, None if beneath is None else beneath[window])
+
+
+class ScalesOfStore:
+    """Of a result in a store, read by windows.
+
+    Parameters
+    ----------
+    stored
+        What :func:`impasto.open_sbrdf` returns, with smaller scales.
+    bands
+        Numbers of the bands that are shown; None: all.
+
+    Raises
+    ------
+    ArgumentError
+        A large store without smaller scales.
+    """
+
+    def __init__(self, stored: StoredSbrdf, bands: list[int] | None) -> None:
+        rows, columns = stored.shape
+        if not stored.factors and rows * columns > LOADED:
+            raise ArgumentError(
+                f"result: {stored.path} holds {columns} x {rows} pixels and no smaller scales; "
+                "impasto job run makes stores that do"
+            )
+        self._stored, self._bands = stored, bands
+        shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
+        self._scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """See :class:`Scales`."""
+        return self._scales
+
+    @cached_property
+    def template(self) -> Surface:
+        """The first pixel."""
+        return self.part(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+
+    def part(self, scale: Scale, window: Window) -> Part:
+        """See :class:`Scales`."""
+        one: Any
+        if scale.factor == 1:
+            one = self._stored.visible(*window)
+            return Part(self._shown(one), one.status)
+        one = self._stored.level_part(scale.factor, *window)
+        if scale.factor > READ:
+            return Part(self._shown(one))
+        rows, columns = (slice(scale.factor * p.start, scale.factor * p.stop) for p in window)
+        status = self._stored.map("status", rows, columns)
+        return Part(self._shown(one), status_at(status, scale.factor))
+
+    def _shown(self, one: Any) -> Surface:
+        found: Surface = (one if self._bands is None else one.with_bands(self._bands)).surface()
+        return replace(found, height=None)
+
+
+def _halved(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Means of 2 x 2 numbers; NaN counts as 0."""
+    rows, columns = (size // 2 for size in plane.shape)
+    known = np.nan_to_num(plane[: 2 * rows, : 2 * columns], nan=0.0)
+    means = known.reshape(rows, 2, columns, 2).mean(axis=(1, 3), dtype=np.float32)
+    return np.asarray(means)
+
+
+def cut(surface: Surface, window: Window) -> Surface:
+    """A part of a surface; where it lies is not kept."""
+
+    def part(value: Any) -> Any:
+        return value if value is None or np.ndim(value) == 0 else value[(..., *window)]
+
+    lobes = tuple(
+        Lobe(part(lobe.strength), tuple(part(one) for one in lobe.shape)) for lobe in surface.lobes
+    )
+    return replace(
+        surface,
+        normal=part(surface.normal),
+        diffuse=part(surface.diffuse),
+        ambient=part(surface.ambient),
+        height=part(surface.height),
+        lobes=lobes,
+    )
+
+
+def eye_of(view: Any) -> dict[str, Any]:
+    """From where pictures show a painting, for the page: a direction, or a place in mm."""
+    if isinstance(view, PointView):
+        return {"position": [float(value) for value in view.position]}
+    return {"direction": [float(value) for value in view]}

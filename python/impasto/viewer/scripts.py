@@ -1,0 +1,73 @@
+"""The page's script: ES modules joined into one file, without a bundler.
+
+Browsers import no modules from ``file://``, so a site that is opened from a stick needs a classic
+script. The modules are therefore written so that they can stand one after the other in one scope:
+each imports by name from modules before it and exports declarations by name, and no two declare the
+same name at the top.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib import resources
+from typing import Literal
+
+MODULES = (
+    "colour",
+    "half",
+    "state",
+    "tiles",
+    "values",
+    "shader",
+    "renderer",
+    "plots",
+    "annotations",
+    "controls",
+    "saving",
+    "viewer",
+    "start",
+)
+"""In the order in which they may import."""
+ENTRY = "mount"
+"""What the last of them exports: shows a painting in an element."""
+START = "startPage"
+"""And what starts the page of a site."""
+IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
+EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class|let)\b)", re.MULTILINE)
+
+
+def page_file(name: str) -> str:
+    """The text of a file of the page."""
+    return (resources.files("impasto.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+@cache
+def script(form: Literal["classic", "module"] = "classic") -> str:
+    """All modules in one script.
+
+    Parameters
+    ----------
+    form
+        ``"classic"``: starts by itself on the page of a site. ``"module"``: an ES module that
+        exports ``mount``, for notebooks.
+
+    Raises
+    ------
+    ValueError
+        A module imports from one after it, or exports otherwise than by name.
+    """
+    joined = []
+    for number, name in enumerate(MODULES):
+        text = page_file(f"{name}.js")
+        later = set(IMPORT.findall(text)) - set(MODULES[:number])
+        if later:
+            raise ValueError(f"{name}.js imports {sorted(later)}, which do not stand before it")
+        text = EXPORT.sub("", IMPORT.sub("", text))
+        if found := re.search(r"^(?:import|export)\b.*$", text, re.MULTILINE):
+            raise ValueError(f"{name}.js: {found[0]!r} cannot be joined")
+        joined.append(text)
+    body = "\n".join(joined)
+    if form == "module":
+        return f"{body}\nexport {{ {ENTRY} }};\n"
+    return f"(() => {{\n'use strict';\n{body}\n{START}();\n}})();\n"

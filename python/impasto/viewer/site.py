@@ -1,0 +1,158 @@
+"""A folder that shows a painting in any browser: from a web server, or from a disk without one."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from impasto._internal.calls import ProgressCallback, reporting
+from impasto.errors import ArgumentError
+from impasto.fit.stored import StoredSbrdf
+from impasto.io.files import atomic_together
+from impasto.io.folders import new_folder
+from impasto.surface import Relightable
+from impasto.viewer.contents import Contents
+
+MARK = b"window.impasto = "
+"""How the document of a site begins."""
+OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs"}
+"""What lies in the folder of a site."""
+TOGETHER = 64
+"""Files that reach the disk at a time."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A folder that was written.
+
+    Attributes
+    ----------
+    path
+        The folder; ``index.html`` in it is the page.
+    files
+        How many files it holds.
+    size
+        Bytes of all files.
+    script
+        Bytes of the script and the style of the page.
+    """
+
+    path: Path
+    files: int
+    size: int
+    script: int
+
+
+def write_site(
+    result: Relightable | StoredSbrdf,
+    folder: str | os.PathLike[str],
+    *,
+    reflectance: Any = None,
+    stack: Any = None,
+    shown: Any = None,
+    title: str = "",
+    pitch_mm: float | None = None,
+    height: ArrayLike | None = None,
+    threads: int | None = None,
+    progress: bool | ProgressCallback = False,
+) -> Site:
+    """Write a folder that shows a painting in a browser, in any light.
+
+    The folder works on any web server, and without one: ``index.html`` can be opened from a disk or
+    a stick. Nothing is loaded from another host. An older site of that name is replaced when the
+    new one is whole.
+
+    Parameters
+    ----------
+    result
+        What :func:`impasto.fit_sbrdf` or :func:`impasto.load_sbrdf` returns, an
+        :class:`impasto.Surface`, or a store of any size as :func:`impasto.open_sbrdf` opens it.
+    folder
+        The folder to write.
+    reflectance
+        Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
+        default: the spectra of a simulated painting, otherwise none.
+    stack
+        Photographs to compare with, of a result without spectra in one or three bands.
+    shown
+        Numbers of the photographs; default: four, evenly among all.
+    title
+        Above the page; default: none.
+    pitch_mm
+        Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
+    height
+        ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
+        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+    threads, progress
+        None means every allowed core; a bool or a callable ``(done, total)`` in files.
+
+    Returns
+    -------
+    Site
+        Where it is and what it holds.
+
+    Raises
+    ------
+    ArgumentError
+        A folder with anything but an older site; what the page cannot show.
+    CorruptInputError
+        A part of a store is missing or damaged; no site is written.
+    """
+    target = Path(folder)
+    _check(target)
+    contents = Contents(
+        result,
+        reflectance=reflectance,
+        stack=stack,
+        shown=shown,
+        title=title,
+        pitch_mm=pitch_mm,
+        height=height,
+        threads=threads,
+    )
+    names = list(contents.names())
+    target.parent.mkdir(parents=True, exist_ok=True)
+    size = done = page = 0
+    with reporting(progress, "writing the site") as callback, new_folder(target) as made:
+        for first in range(0, len(names), TOGETHER):
+            some = names[first : first + TOGETHER]
+            files = {made / name: _content(contents, name) for name in some}
+            atomic_together(dict(files))
+            size += sum(map(len, files.values()))
+            page += sum(
+                len(data) for path, data in files.items() if path.name in {"viewer.js", "style.css"}
+            )
+            done += len(some)
+            if callback is not None:
+                callback(done, len(names))
+    return Site(target, len(names), size, page)
+
+
+def _content(contents: Contents, name: str) -> bytes:
+    make = contents.file(name)
+    assert make is not None
+    return make()
+
+
+def _check(target: Path) -> None:
+    """Refuse a name that holds anything but an older site."""
+    if not target.exists():
+        return
+    if not target.is_dir() or target.is_symlink():
+        raise ArgumentError(f"folder: {target} is no folder; give another name")
+    inside = {one.name for one in target.iterdir()}
+    if not inside:
+        return
+    own = False
+    if (target / "document.js").is_file():
+        with (target / "document.js").open("rb") as document:
+            own = document.read(len(MARK)) == MARK
+    if foreign := sorted(inside if not own else inside - OWN):
+        raise ArgumentError(
+            f"folder: {target} holds {foreign[0]}, which is no part of a site of impasto; give "
+            "another name"
+        )
