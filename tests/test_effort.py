@@ -48,6 +48,7 @@ def test_every_number_of_an_effort_is_used(stack: impasto.Stack) -> None:
         "pixels": (Effort(pixels=64), {"pooling": "painting"}),
         "rounds": (Effort(rounds=0), {"pooling": "pixel"}),
         "iterations": (Effort(iterations=1), {"pooling": "pixel"}),
+        "colour_iterations": (Effort(colour_iterations=1), {"pooling": "pixel"}),
         "start": (Effort(start="multistart"), {"pooling": "pixel"}),
         "precision": (Effort(precision="polished"), {"pooling": "pixel"}),
     }

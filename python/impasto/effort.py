@@ -35,10 +35,13 @@ class Effort:
         their residuals (``pooling="pixel"``), or a Lafortune fit is repeated without outliers. 0:
         only the mean of the bands is fitted, and no sample is reweighted.
     iterations
-        Largest number of steps of each search of a pixel (``pooling="pixel"``), at least 1. Few
-        are enough to predict photographs: parameters that the samples hardly determine are better
-        left near their start. Normals gain from more steps. With ten, all but one pixel in a
-        thousand of a simulated painting converge, and all but four in a hundred of a gilded icon.
+        Largest number of steps of each search of a pixel on the mean of its bands
+        (``pooling="pixel"``), at least 1.
+    colour_iterations
+        The same of each search on all bands, in each round; default: as many. Few are enough to
+        predict photographs: parameters that the samples hardly determine are better left near their
+        start. Normals gain from more steps. With ten of both, all but one pixel in a thousand of a simulated painting
+        converge, and all but four in a hundred of a gilded icon.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth
@@ -52,7 +55,7 @@ class Effort:
         ``"single"`` ends where a step lowers the cost by a millionth or less. ``"polished"``: the
         last round continues in double precision with up to as many steps again; it takes 1.3 times
         as long. ``"double"``: every search is in double precision; it takes 1.5 to 2 times as long.
-        With enough steps (``iterations``) these two end within 1e-11 of the least cost,
+        With enough steps these two end within 1e-11 of the least cost,
         ``"single"`` within about 1e-6. All three predict held-out photographs equally well.
         Samples, weights and results are always in single precision; ``converged`` is stricter in
         double. Other fits ignore this setting: the one lobe of a painting or a segment is always
@@ -69,11 +72,14 @@ class Effort:
     pixels: int = 1 << 16
     rounds: int = 2
     iterations: int = 6
+    colour_iterations: int | None = None
     start: Origin = "neighbours"
     precision: Precision = "single"
 
     def __post_init__(self) -> None:
         least = {"stereo": 0, "pixels": 1, "rounds": 0, "iterations": 1}
+        if self.colour_iterations is not None:
+            least["colour_iterations"] = 1
         for name, low in least.items():
             value = getattr(self, name)
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -46,6 +46,7 @@ pub(crate) struct LobeArguments {
     sparing: bool,
     bounded: bool,
     iterations: usize,
+    colour_iterations: usize,
     start: String,
     precision: String,
     index: f64,
@@ -203,6 +204,7 @@ impl LobeArguments {
             typical: self.typical,
             sparing: self.sparing,
             iterations: self.iterations,
+            colour_iterations: self.colour_iterations,
             start,
             precision,
         })

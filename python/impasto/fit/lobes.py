@@ -128,6 +128,7 @@ class LobeOptions:
     index: float
     rounds: int
     iterations: int
+    colour_iterations: int
     start: Origin
     precision: Precision
     coated: bool = False
@@ -146,6 +147,7 @@ class LobeOptions:
             index,
             effort.rounds,
             effort.iterations,
+            effort.iterations if effort.colour_iterations is None else effort.colour_iterations,
             effort.start,
             effort.precision,
             **others,

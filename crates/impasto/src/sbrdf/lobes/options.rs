@@ -23,8 +23,10 @@ pub struct LobeOptions {
     pub typical: bool,
     /// Whether a lobe must lower BIC; otherwise it need only lower the cost.
     pub sparing: bool,
-    /// Most steps of a search.
+    /// Most steps of a search on the mean of the bands.
     pub iterations: usize,
+    /// Most steps of a search on all bands, in each round.
+    pub colour_iterations: usize,
     /// Where searches start.
     pub start: Origin,
     /// What searches compute in.

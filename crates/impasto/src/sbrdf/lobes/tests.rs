@@ -170,6 +170,7 @@ pub(in crate::sbrdf) fn options(start: Origin) -> LobeOptions {
         typical: true,
         sparing: true,
         iterations: 4,
+        colour_iterations: 4,
         start,
         precision: Precision::Single,
     }

@@ -256,7 +256,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     ) {
         let starts = &tile.estimates.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
-        let options = &Options { max_iterations: self.options.iterations, ..tolerances };
+        let options = &Options { max_iterations: self.options.colour_iterations, ..tolerances };
         for &pixel in fitted {
             tile.estimates[pixel].cost = f32::INFINITY;
             tile.estimates[pixel].converged = false;
