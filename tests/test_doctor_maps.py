@@ -168,6 +168,12 @@ def test_results_on_the_command_line(
     (damaged / "normal/c/0/0/0").write_bytes(shard)
     assert main(["doctor", str(damaged)]) == 3
     assert "damaged" in capsys.readouterr().err
+    # A single file of maps is a result; one of samples is not.
+    file = tmp_path / "sbrdf.npz"
+    impasto.fit_sbrdf(stack, pooling="pixel", refine=False, threads=1).save(file)
+    assert main(["doctor", str(file), "--json"]) == 0
+    codes = {finding["code"] for finding in json.loads(capsys.readouterr().out)["findings"]}
+    assert "statuses" in codes
     # A store of photographs is examined as such.
     photographs = impasto.jobs.ingest(stack, tmp_path / "photographs.zarr")
     main(["doctor", str(photographs), "--json"])

@@ -13,6 +13,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.npz import npz_names
 from impasto.io.results import result_file
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ def doctor(
     ----------
     stack
         Light file (.lp) beside its photographs, a folder of both, a session.toml, an .npz, or
-        the .zarr of impasto ingest; or a result: the folder of impasto fit, or the .zarr of
-        impasto job.
+        the .zarr of impasto ingest; or a result: the folder of impasto fit, its sbrdf.npz, or
+        the .zarr of impasto job.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
         that occur twice.
@@ -88,6 +89,9 @@ def _is_result(path: Path) -> bool:
     from impasto.io.session.stored import KIND
 
     file = result_file(path)
+    if path.suffix.lower() == ".npz" and path.is_file():
+        names = npz_names(path)
+        return "status" in names and "samples" not in names
     if not path.is_dir() or any(path.glob("*.lp")):
         return False
     if file != path:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.damage import damage_of
+from impasto._internal.damage import DAMAGE, damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.arrays import LONGEST_HEADER, MAGIC, array_in
@@ -41,6 +41,15 @@ def npz_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     file = BytesIO()
     np.savez(file, allow_pickle=False, **dict(arrays))
     return file.getvalue()
+
+
+def npz_names(path: Path) -> tuple[str, ...]:
+    """The names of the arrays of a file; none where it cannot be read as one."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return tuple(name.removesuffix(".npy") for name in archive.namelist())
+    except (OSError, *DAMAGE):
+        return ()
 
 
 def read_npz(path: Path, *, without: str = "") -> dict[str, NDArray[Any]]:

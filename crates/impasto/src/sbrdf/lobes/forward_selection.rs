@@ -16,7 +16,7 @@ use super::prior::Prior;
 use super::score::Score;
 use super::search::{Freedom, Search};
 use super::seeds::{Seed, Seeds};
-use super::support::is_supported;
+use super::support::supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile};
 
 /// Where the search for one more lobe starts.
@@ -71,9 +71,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 let more = &tile.estimates[pixel];
                 if above_rounding
                     && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
-                    && (0..lobes).all(|lobe| {
-                        is_supported(self.photographs, tile, pixel, lobe, self.run.level)
-                    })
+                    && supported(self.photographs, tile, pixel, self.run.level)[..lobes]
+                        .iter()
+                        .all(|&supported| supported)
                 {
                     found[pixel].estimates[lobes] = *more;
                     found[pixel].lobes = lobes;

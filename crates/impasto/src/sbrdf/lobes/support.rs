@@ -6,6 +6,7 @@
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Vec3};
 
+use super::maps::MOST_LOBES;
 use super::model::LobeEstimation;
 use super::photographs::Photographs;
 use super::tile::{Estimate, LobeFitTile, TILE};
@@ -15,16 +16,15 @@ use super::tile::{Estimate, LobeFitTile, TILE};
 /// strength by a factor of two.
 pub(in crate::sbrdf) const SEEN: f64 = 1.0 / 64.0;
 
-/// Whether a pixel's lobe reaches [`SEEN`] of its peak in the photograph nearest to the peak; if not,
-/// its strength would be a guess (hard case 4).
-pub(super) fn is_supported<M: LobeEstimation>(
+/// Which of a pixel's lobes reach [`SEEN`] of their peak in the photograph nearest to the peak; the
+/// strength of any other would be a guess (hard case 4).
+pub(super) fn supported<M: LobeEstimation>(
     photographs: &Photographs<M>,
     tile: &LobeFitTile,
     pixel: usize,
-    lobe: usize,
     level: Level,
-) -> bool {
-    level.run(Look { photographs, tile, pixel, lobe })
+) -> [bool; MOST_LOBES] {
+    level.run(Look { photographs, tile, pixel })
 }
 
 /// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
@@ -32,16 +32,19 @@ struct Look<'a, M: LobeEstimation> {
     photographs: &'a Photographs<M>,
     tile: &'a LobeFitTile,
     pixel: usize,
-    lobe: usize,
 }
 
 impl<M: LobeEstimation> Kernel for Look<'_, M> {
-    type Output = bool;
+    type Output = [bool; MOST_LOBES];
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> bool {
-        let Self { photographs, tile, pixel, lobe } = self;
-        let Estimate { normal, shapes, .. } = &tile.estimates[pixel];
+    fn run<I: Isa>(self) -> [bool; MOST_LOBES] {
+        let Self { photographs, tile, pixel } = self;
+        let Estimate { normal, shapes, lobes, .. } = &tile.estimates[pixel];
+        let mut supported = [false; MOST_LOBES];
+        if *lobes == 0 {
+            return supported;
+        }
         let [nx, ny, nz] = normal.map(f64::from);
         let normal = Vec3::new(nx, ny, nz);
         let [x, y] = [&tile.x, &tile.y].map(|axis| f64::from(axis[pixel]));
@@ -50,12 +53,15 @@ impl<M: LobeEstimation> Kernel for Look<'_, M> {
             .filter(|photograph| tile.grey.weights[photograph * TILE + pixel] > 0.0)
             .map(|photograph| (photographs.facing_at(photograph, x, y).dot(normal), photograph))
             .max_by(|(a, _), (b, _)| a.total_cmp(b));
-        nearest.is_some_and(|(_, photograph)| {
+        if let Some((_, photograph)) = nearest {
             let (_, _, pair) = photographs.at::<f64>(photograph, x, y);
-            let lobe = model.lobe_from_unknowns(shapes[lobe].map(f64::from));
-            let peak = model.value(&lobe, &pair, model.facing(&pair));
-            model.value(&lobe, &pair, normal) >= SEEN * peak
-        })
+            for (shape, supported) in shapes[..*lobes].iter().zip(&mut supported) {
+                let lobe = model.lobe_from_unknowns(shape.map(f64::from));
+                let peak = model.value(&lobe, &pair, model.facing(&pair));
+                *supported = model.value(&lobe, &pair, normal) >= SEEN * peak;
+            }
+        }
+        supported
     }
 }
 
@@ -69,9 +75,8 @@ pub(super) fn drop_unsupported<M: LobeEstimation>(
     for &pixel in fitted {
         let before = tile.estimates[pixel];
         let mut kept = Estimate { lobes: 0, ..before };
-        for lobe in
-            (0..before.lobes).filter(|&lobe| is_supported(photographs, tile, pixel, lobe, level))
-        {
+        let supported = supported(photographs, tile, pixel, level);
+        for lobe in (0..before.lobes).filter(|&lobe| supported[lobe]) {
             kept.shapes[kept.lobes] = before.shapes[lobe];
             kept.shape_deviation[kept.lobes] = before.shape_deviation[lobe];
             kept.own_deviation[kept.lobes] = before.own_deviation[lobe];
