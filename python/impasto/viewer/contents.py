@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,8 +38,20 @@ FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
 FEWEST = 100
 """Normals of which heights are made: a plane through fewer is none."""
-TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})\.js")
-PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})\.js")
+TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})")
+PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
+
+
+class ContentsOptions(TypedDict, total=False):
+    """Options of :class:`Contents`."""
+
+    reflectance: Any
+    stack: Any
+    shown: Any
+    title: str
+    pitch_mm: float | None
+    height: ArrayLike | None
+    threads: int | None
 
 
 class Contents:
@@ -160,27 +172,35 @@ class Contents:
         }
         if name in pages:
             return pages[name]
+        if (data := self.data(name.removesuffix(".js"))) is not None and name.endswith(".js"):
+            return lambda: _called(name.removesuffix(".js"), data())
+        return None
+
+    def data(self, name: str) -> Callable[[], bytes] | None:
+        """The same of a tile or a photograph, by its name without ``.js``: gzip, or a PNG."""
         if found := TILE.fullmatch(name):
             number, row, column = map(int, found.groups())
             return lambda: self._tile(number, row, column)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
-            return lambda: _called(f"photographs/{number}", self._photographs.png(number))
+            return lambda: self._photographs.png(number)
         return None
+
+    @property
+    def text(self) -> str:
+        """The document as JSON, in ASCII: no character ends a line or a script."""
+        return json.dumps(self.document, allow_nan=False, separators=(",", ":"))
 
     def _index(self) -> bytes:
         return page_file("index.html").replace("POLICY", policy(embedded=True)).encode()
 
     def _document(self) -> bytes:
-        # ASCII alone: no character ends a line or a script.
-        text = json.dumps(self.document, allow_nan=False, separators=(",", ":"))
-        return f"window.impasto = {{ document: {text} }};\n".encode("ascii")
+        return f"window.impasto = {{ document: {self.text} }};\n".encode("ascii")
 
     def _tile(self, number: int, row: int, column: int) -> bytes:
         scale = self._scales.scales[number]
         part = self._scales.part(scale, scale.window(row, column))
-        tile = self._layout.tile(part.surface, part.status, part.beneath)
-        return _called(f"tiles/{number}/{row}-{column}", tile)
+        return self._layout.tile(part.surface, part.status, part.beneath)
 
 
 @dataclass(frozen=True)

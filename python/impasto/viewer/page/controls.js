@@ -32,7 +32,7 @@ function slider(text, attributes, change, shown) {
   const input = h("input", { type: "range", id, ...attributes, oninput: () => change(Number(input.value)) });
   const element = h("div", { className: "field" }, h("label", { htmlFor: id }, text), output, input);
   return { element, input, update: value => {
-    if (document.activeElement !== input || Number(input.value) !== value) input.value = value;
+    if (input.getRootNode().activeElement !== input || Number(input.value) !== value) input.value = value;
     output.textContent = shown(value);
     input.setAttribute("aria-valuetext", shown(value));
   } };
@@ -84,7 +84,7 @@ function lightSection(app, updates) {
   const number = (text, name, low, high, from = value => value, to = value => value) => {
     const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
       onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
-    updates.push(state => { if (document.activeElement !== input) input.value = Math.round(to(state[name])); });
+    updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(state[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
   const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
@@ -262,7 +262,7 @@ function noteSection(app) {
   const open = h("input", { type: "file", accept: ".json,.jsonld,application/json", hidden: true, onchange: () => { if (open.files[0]) app.openNotes(open.files[0]); open.value = ""; } });
   app.showNotes = (notes, stored) => {
     hint.hidden = notes.length > 0;
-    kept.textContent = notes.length ? (stored ? "Kept in this browser; save them to hand them on." : "This browser keeps nothing here; save them.") : "";
+    kept.textContent = notes.length ? (stored ? app.host.kept : "This browser keeps nothing here; save them.") : "";
     list.replaceChildren(...notes.map((one, i) => h("li", {},
       h("button", { type: "button", className: "plain", title: "Show the place", onclick: () => app.goTo(placeOf(one)) }, `${i + 1}. ${textOf(one) || "(no words)"}`),
       h("button", { type: "button", className: "plain", "aria-label": `Remove note ${i + 1}`, onclick: () => app.removeNote(i) }, "×"))));
@@ -282,9 +282,9 @@ export function panel(app) {
     lightSection(app, updates), colourSection(app, updates), layerSection(app, updates), effectSection(app, updates), viewSection(app, updates),
     compareSection(app, updates), pixelSection(app, updates), noteSection(app),
     section("Hand on", false, h("div", { className: "row wrap" },
-      h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
-    h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
-    section("Keys", false, h("dl", { className: "keys" }, ...KEYS.flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
+      app.host.link && h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
+    app.host.link && h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
+    section("Keys", false, h("dl", { className: "keys" }, ...KEYS.filter(([key]) => key !== "P" || app.host.link).flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
   return { element, update: state => updates.forEach(update => update(state)) };
 }
 
