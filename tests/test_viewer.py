@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import chromium
 import impasto
+from impasto.cli import main
 from impasto.surface import Lobe, Surface
 from impasto.viewer import Contents, ViewServer, write_site
 from loopback import serving
@@ -255,6 +256,36 @@ def test_a_store_is_shown_at_all_its_scales(browser: chromium.Chromium, tmp_path
     assert re.search(r"1\.[23] mm from the left, 1\.[12] mm from the top", status)
     code = int(stored.map("status", slice(11, 12), slice(12, 13))[0, 0])
     assert impasto.Status(code).reason in status
+
+
+def test_the_command_writes_a_page_of_any_result(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    """A result folder, an .npz and a .zarr, opened from the disk: each as it is rendered."""
+    random = np.random.default_rng(4)
+    lights = [[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]
+    true = Surface(normals(random), numbers(random, 0.2, 0.7, 3))
+    stack = impasto.Stack(true.predict(lights), lights=impasto.Rig(lights, pitch_mm=0.5))
+    photographs = tmp_path / "stack.npz"
+    impasto.io.write_stack(photographs, stack)
+    folder = tmp_path / "folder"
+    words = [str(photographs), "--out", str(folder), "--pooling", "none", "--quiet"]
+    assert main(["fit", *words]) == 0
+    result = impasto.load_sbrdf(folder / "sbrdf.npz")
+    result.save(tmp_path / "a.impasto.zarr")
+    expected = impasto.render(result, impasto.Scene([LAMP(np.pi / 2, np.pi / 4)]), fidelity="model")
+    assert expected.display.std() > 5
+    for number, name in enumerate(("folder", "folder/sbrdf.npz", "a.impasto.zarr")):
+        site = tmp_path / f"site{number}"
+        words = [str(tmp_path / name), "--out", str(site), "--title", name, "--quiet"]
+        words += ["--photographs", str(photographs)] if number == 0 else []
+        assert main(["export", "web", *words]) == 0
+        browser.open((site / "index.html").as_uri())
+        assert browser.value("document.querySelector('h1').textContent") == name
+        codes = shown(browser, {})[..., :3].astype(int)
+        assert np.abs(codes - expected.display).max() <= 1
+        photographed = browser.value("window.impasto.viewer.doc.photographs.length")
+        assert photographed == (4 if number == 0 else 0)
 
 
 @pytest.fixture(scope="module")
