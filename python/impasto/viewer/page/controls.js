@@ -1,7 +1,7 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
 import { adaptedTemperature } from "./colour.js";
-import { LOWEST, directionOf, anglesOf, layersOf } from "./state.js";
+import { LOWEST, TRUST, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { codesOf, labOf, spectrumOf } from "./values.js";
 import { svg, spectrumPlot, lobePlot } from "./plots.js";
@@ -89,7 +89,13 @@ function lightSection(app, updates) {
   };
   const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
-  updates.push(pad.update, state => exposure.update(state.exposure));
+  const clipped = check("Mark what is clipped", on => app.set({ clipped: on }));
+  const marks = h("p", { className: "faint" }, "Red stripes: brighter than the display's white. Blue: more saturated than it can show.");
+  updates.push(pad.update, state => {
+    exposure.update(state.exposure);
+    clipped.update(state.clipped);
+    marks.hidden = !state.clipped;
+  });
   const near = [];
   if (doc.pitch) {
     const extent = Math.hypot(doc.width, doc.height) * doc.pitch;
@@ -103,7 +109,7 @@ function lightSection(app, updates) {
   return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
     number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
   h("div", { className: "presets" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
-  ...near, exposure.element);
+  ...near, exposure.element, clipped.element, marks);
 }
 
 function colourSection(app, updates) {
@@ -143,6 +149,7 @@ function legend(app) {
     if (state.layer === "width") element.append(...bar(`${(2 ** low * 180 / Math.PI).toPrecision(2)}°`, `${(2 ** high * 180 / Math.PI).toPrecision(2)}°`));
     if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
     if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
+    if (state.layer in TRUST) element.append(...bar(...TRUST[state.layer].words));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     if (state.layer === "status") {

@@ -372,19 +372,19 @@ export class Viewer extends Geometry {
   }
 
   // All of the painting at a scale, as it is lit now, seen from in front.
-  async picture(number) {
+  async picture(number, changes = {}) {
     const scale = this.doc.scales[number], { side } = this.doc, data = new ImageData(scale.width, scale.height);
     for (let row = 0; row * side < scale.height; row++) for (let column = 0; column * side < scale.width; column++) {
       const name = `${number}/${row}-${column}`, { width, height } = this.sizeOf(name);
       const buffer = await this.tiles.get(name);
       if (!buffer) throw new Error("A part of the painting could not be loaded.");
       if (!this.renderer.has(name)) this.renderer.upload(name, buffer, width, height);
-      if (this.stale) this.renderer.setState(this.state);
-      this.stale = false;
+      this.renderer.setState({ ...this.state, ...changes });
       const codes = this.renderer.codes(name);
       for (let y = 0; y < height; y++) data.data.set(codes.subarray(4 * y * width, 4 * (y + 1) * width), 4 * ((row * side + y) * scale.width + column * side));
       for (const gone of this.renderer.trim(new Set([name]))) this.tiles.forget(gone);
     }
+    this.stale = true;
     return data;
   }
 
@@ -392,7 +392,7 @@ export class Viewer extends Geometry {
     const number = this.doc.scales.findIndex(scale => scale.width * scale.height <= LARGEST_PICTURE);
     this.say("Making the picture");
     try {
-      const canvas = await upright(await this.picture(number), this.state.turns);
+      const canvas = await upright(await this.picture(number, { clipped: false }), this.state.turns);
       canvas.toBlob(blob => {
         if (!blob) return this.say("The picture is too large for this browser.");
         download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.png`);
