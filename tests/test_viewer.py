@@ -246,6 +246,13 @@ def test_layers_show_how_far_a_fit_can_be_trusted(
         assert (grey == grey[:, :1]).all(), "unknown is grey"
         legend = browser.value("document.querySelector('.legend').textContent")
         assert legend == {"sigma": "0.1°10°", "residual": "0.1 % of white10 %"}[name]
+    browser.value("window.impasto.viewer.inspect(7, 12)")
+    browser.until("document.querySelector('dl.values') !== null")
+    rows = browser.value("document.querySelector('dl.values').textContent")
+    said = re.search(r"Uncertainty of the normal([\d.]+)°", rows)
+    assert said is not None
+    # Two digits are shown.
+    assert float(said[1]) == pytest.approx(np.degrees(result.sigma[12, 7]), rel=0.06)
 
 
 @pytest.mark.parametrize("name", ["pixels", "lafortune"])

@@ -236,6 +236,7 @@ function pixelSection(app, updates) {
     const plots = [];
     if (values.shown) {
       rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
+      for (const name of doc.trust) rows.push([TRUST[name].label, values.trust[name] < 0 ? "not known" : TRUST[name].shown(values.trust[name])]);
       if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
       if (colours.basis) {
         const lab = labOf(colours, app.state.illuminant, values.diffuse);

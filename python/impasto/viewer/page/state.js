@@ -15,10 +15,10 @@ export const anglesOf = ([x, y, z]) => ({
 export const LOWEST = 2;
 
 // Layers of how far a fit can be trusted, on ramps that are the same for every painting. `ends`: of the ramp, as
-// powers of two; `words` of its ends.
+// powers of two; `words` of its ends; `shown`: a number in words.
 export const TRUST = {
-  sigma: { label: "Uncertainty of the normal", ends: [0.1, 10].map(value => Math.log2(value * RADIANS)), words: ["0.1°", "10°"] },
-  residual: { label: "Residual", ends: [0.001, 0.1].map(Math.log2), words: ["0.1 % of white", "10 %"] },
+  sigma: { label: "Uncertainty of the normal", ends: [0.1, 10].map(value => Math.log2(value * RADIANS)), words: ["0.1°", "10°"], shown: value => `${(value / RADIANS).toPrecision(2)}°` },
+  residual: { label: "Residual", ends: [0.001, 0.1].map(Math.log2), words: ["0.1 % of white", "10 %"], shown: value => `${(100 * value).toPrecision(2)} % of white` },
 };
 
 export function firstState(doc) {
