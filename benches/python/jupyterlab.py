@@ -2,7 +2,7 @@
 
 ``python benches/python/jupyterlab.py FOLDER`` (in an environment with jupyterlab) starts a
 JupyterLab of its own, runs a notebook with ``painting.view()``, moves the lamp by pointer and key,
-reads what Python has heard of it and writes ``light.png`` and ``dark.png``. Every line it prints is
+reads what Python knows of it and writes ``light.png`` and ``dark.png``. Every line it prints is
 measured; it ends with an error where the notebook does not show the painting.
 """
 
@@ -122,10 +122,10 @@ def run(folder: Path) -> None:
         )
         browser.value("jupyterapp.shell.currentWidget.content.activeCellIndex = 2")
         browser.value("jupyterapp.commands.execute('notebook:run-cell').then(() => 0)")
-        heard = f"{TEXT}[2].model.outputs.get(0)?.data['text/plain']"
-        browser.until(f"({heard})?.includes('light=')")
-        print(f"the page says {wanted}, Python {browser.value(heard)}")
-        assert f"'{wanted}'" == browser.value(heard), "Python has heard of another light"
+        printed = f"{TEXT}[2].model.outputs.get(0)?.data['text/plain']"
+        browser.until(f"({printed})?.includes('light=')")
+        print(f"the page says {wanted}, Python {browser.value(printed)}")
+        assert f"'{wanted}'" == browser.value(printed), "Python has another light"
         for name, theme in (("light", "JupyterLab Light"), ("dark", "JupyterLab Dark")):
             change = f"'apputils:change-theme', {{ theme: '{theme}' }}"
             browser.value(f"jupyterapp.commands.execute({change}).then(() => 0)")

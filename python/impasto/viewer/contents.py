@@ -26,7 +26,7 @@ from impasto.scene import Scene
 from impasto.status import Status
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
-from impasto.viewer.layout import SHOWN, TRUST, UNIT, UNREAD, Layout
+from impasto.viewer.layout import QUALITY, SHOWN, UNIT, UNREAD, Layout
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
 from impasto.viewer.scales import SIDE, Scales, ScalesInMemory, ScalesOfStore, eye_of
@@ -108,7 +108,7 @@ class Contents:
             painting = _in_memory(result, reflectance, height, pitch, threads)
         self._scales = painting.scales
         template = self._scales.template
-        self._layout = Layout.of(template, beneath=painting.beneath, trust=painting.trust)
+        self._layout = Layout.of(template, beneath=painting.beneath, quality=painting.quality)
         bands, spectra = len(template.diffuse), painting.reflectance
         rows, columns = self._scales.scales[0].shape
         self._photographs = Photographs(
@@ -134,7 +134,7 @@ class Contents:
             "coated": bool(template.coated),
             "ambient": template.ambient is not None,
             "beneath": painting.beneath,
-            "trust": list(painting.trust),
+            "quality": list(painting.quality),
             "relief": template.height is not None,
             "coefficients": bands,
             "bands": painting.bands,
@@ -201,7 +201,7 @@ class Contents:
     def _tile(self, number: int, row: int, column: int) -> bytes:
         scale = self._scales.scales[number]
         part = self._scales.part(scale, scale.window(row, column))
-        return self._layout.tile(part.surface, part.status, part.beneath, part.trust)
+        return self._layout.tile(part.surface, part.status, part.beneath, part.quality)
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class _Painting:
     bands: list[str]
     reflectance: Any = None
     beneath: bool = False
-    trust: tuple[str, ...] = ()
+    quality: tuple[str, ...] = ()
 
 
 def _of_store(stored: StoredSbrdf, threads: int | None) -> _Painting:
@@ -254,9 +254,9 @@ def _in_memory(
         share = metallic(lit.surface())
         beneath = share if np.ndim(share) else np.full(surface.shape, share, np.float32)
         beneath = beneath if (beneath > 0.0).any() else None
-    trust = {name: getattr(result, name) for name in TRUST if hasattr(result, name)}
+    quality = {name: getattr(result, name) for name in QUALITY if hasattr(result, name)}
     return _Painting(
-        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath, trust),
+        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
         effects=_effects(planned.effects),
         eye=lit.eye(),
         pitch_mm=surface.pitch_mm,
@@ -264,7 +264,7 @@ def _in_memory(
         bands=[str(name) for name in getattr(lit, "bands", ())],
         reflectance=spectra,
         beneath=beneath is not None,
-        trust=tuple(trust),
+        quality=tuple(quality),
     )
 
 

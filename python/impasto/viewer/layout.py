@@ -28,7 +28,7 @@ SHOWN = 256
 UNREAD = 254
 """In place of a status at scales at which it was not read."""
 LARGEST_HALF = 65504.0
-TRUST = ("sigma", "residual")
+QUALITY = ("sigma", "residual")
 """Maps of how far a fit can be trusted: the standard deviation of the normal in radians, and what
 the fit leaves of the photographs, relative to the white board."""
 UNKNOWN = -1.0
@@ -84,11 +84,11 @@ class Layout:
     groups: tuple[Group, ...]
 
     @classmethod
-    def of(cls, surface: Surface, *, beneath: bool = False, trust: Sequence[str] = ()) -> Layout:
+    def of(cls, surface: Surface, *, beneath: bool = False, quality: Sequence[str] = ()) -> Layout:
         """What a surface has, in any part of it and at any scale.
 
         ``beneath``: whether there is a map of the share of the gloss that a varnish leaves as it is
-        (:func:`impasto.lighting.metallic`). ``trust``: which of :data:`TRUST` there are.
+        (:func:`impasto.lighting.metallic`). ``quality``: which of :data:`QUALITY` there are.
         """
         count = len(surface.diffuse)
         colours = [f"diffuse{k}" for k in range(count)]
@@ -98,7 +98,7 @@ class Layout:
             colours.append("height")
         if beneath:
             colours.append("beneath")
-        colours += trust
+        colours += quality
         lobes: list[str] = []
         for number, lobe in enumerate(surface.lobes):
             tinted = np.ndim(lobe.strength) == 3
@@ -115,7 +115,7 @@ class Layout:
         part: Surface,
         status: NDArray[np.uint8] | None,
         beneath: NDArray[np.float32] | None = None,
-        trust: Mapping[str, NDArray[np.float32]] | None = None,
+        quality: Mapping[str, NDArray[np.float32]] | None = None,
     ) -> bytes:
         """A part of a surface as the page reads it, compressed by gzip.
 
@@ -125,7 +125,7 @@ class Layout:
             Of a surface for which the layout was made.
         status
             ``(y, x)`` :class:`~impasto.Status`; None where it was not read.
-        beneath, trust
+        beneath, quality
             Maps ``(y, x)``, as in :meth:`of`.
         """
         planes = _planes(part)
@@ -143,7 +143,7 @@ class Layout:
                 planes[f"{name}{number}"] = shape
         if beneath is not None:
             planes["beneath"] = np.nan_to_num(beneath, nan=0.0)
-        for name, plane in (trust or {}).items():
+        for name, plane in (quality or {}).items():
             planes[name] = np.where(np.isfinite(plane), plane, UNKNOWN)
         codes = np.full(part.shape, UNREAD, np.int16) if status is None else status.astype(np.int16)
         planes["flags"] = codes + np.int16(SHOWN) * shown

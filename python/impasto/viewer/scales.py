@@ -80,14 +80,14 @@ class Part:
         ``(y, x)`` :class:`~impasto.Status`, where it was read.
     beneath
         ``(y, x)`` share of the gloss that a varnish leaves as it is, where that matters.
-    trust
-        Maps ``(y, x)`` by their names in :data:`~impasto.viewer.layout.TRUST`.
+    quality
+        Maps ``(y, x)`` by their names in :data:`~impasto.viewer.layout.QUALITY`.
     """
 
     surface: Surface
     status: NDArray[np.uint8] | None = None
     beneath: NDArray[np.float32] | None = None
-    trust: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 class Scales(Protocol):
@@ -116,7 +116,7 @@ class ScalesInMemory:
         ``(y, x)`` :class:`~impasto.Status`; None where there is none.
     beneath
         As in :class:`Part`: a map ``(y, x)``.
-    trust
+    quality
         As in :class:`Part`; at a smaller scale the numbers of the pixel in the middle.
     """
 
@@ -125,9 +125,9 @@ class ScalesInMemory:
         surface: Surface,
         status: NDArray[np.uint8] | None = None,
         beneath: NDArray[np.float32] | None = None,
-        trust: Mapping[str, NDArray[np.float32]] | None = None,
+        quality: Mapping[str, NDArray[np.float32]] | None = None,
     ) -> None:
-        self._trust = trust or {}
+        self._quality = quality or {}
         self._template = surface
         self._status = status
         self._levels = [surface]
@@ -164,7 +164,7 @@ class ScalesInMemory:
             cut(whole, window),
             None if self._status is None else sampled(self._status),
             None if beneath is None else beneath[window],
-            {name: sampled(plane) for name, plane in self._trust.items()},
+            {name: sampled(plane) for name, plane in self._quality.items()},
         )
 
 

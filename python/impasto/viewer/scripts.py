@@ -38,7 +38,7 @@ ENTRY = "mount"
 START = "startPage"
 """And what starts the page of a site."""
 NOTEBOOK = "notebook"
-"""The module that stands after them in a notebook, and what it exports to :mod:`anywidget`."""
+"""The module that stands after them in a notebook, and what it exports to anywidget."""
 RENDER = "renderNotebook"
 Form = Literal["classic", "module", "notebook"]
 IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
@@ -59,7 +59,7 @@ def script(form: Form = "classic") -> str:
     form
         ``"classic"``: starts by itself on the page of a site. ``"module"``: an ES module that
         exports ``mount``, for other pages. ``"notebook"``: an ES module with its style, whose
-        default export has the ``render`` that :mod:`anywidget` calls.
+        default export has the ``render`` that anywidget calls.
 
     Raises
     ------

@@ -71,9 +71,9 @@ class PaintingWidget(anywidget.AnyWidget):
             files=_embedded(contents) if embed else {},
             height_px=height_px,
         )
-        self.on_msg(self._asked)
+        self.on_msg(self._requested)
 
-    def _asked(self, _: Any, message: Any, buffers: Any) -> None:
+    def _requested(self, _: Any, message: Any, buffers: Any) -> None:
         """Answer the page: a file, or why there is none."""
         name = message.get("file") if isinstance(message, dict) else None
         make = self._contents.data(name) if isinstance(name, str) else None

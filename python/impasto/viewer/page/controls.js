@@ -1,7 +1,7 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
 import { adaptedTemperature } from "./colour.js";
-import { LOWEST, TRUST, directionOf, anglesOf, layersOf } from "./state.js";
+import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { codesOf, labOf, spectrumOf } from "./values.js";
 import { svg, spectrumPlot, lobePlot } from "./plots.js";
@@ -149,7 +149,7 @@ function legend(app) {
     if (state.layer === "width") element.append(...bar(`${(2 ** low * 180 / Math.PI).toPrecision(2)}°`, `${(2 ** high * 180 / Math.PI).toPrecision(2)}°`));
     if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
     if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
-    if (state.layer in TRUST) element.append(...bar(...TRUST[state.layer].words));
+    if (state.layer in QUALITY) element.append(...bar(...QUALITY[state.layer].words));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     if (state.layer === "status") {
@@ -236,7 +236,7 @@ function pixelSection(app, updates) {
     const plots = [];
     if (values.shown) {
       rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
-      for (const name of doc.trust) rows.push([TRUST[name].label, values.trust[name] < 0 ? "not known" : TRUST[name].shown(values.trust[name])]);
+      for (const name of doc.quality) rows.push([QUALITY[name].label, values.quality[name] < 0 ? "not known" : QUALITY[name].shown(values.quality[name])]);
       if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
       if (colours.basis) {
         const lab = labOf(colours, app.state.illuminant, values.diffuse);

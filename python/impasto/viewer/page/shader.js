@@ -123,7 +123,7 @@ export function fragment(doc, { layer, coat, near, nearView }) {
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
     strength: () => strongest(doc, "strength", mirror, read, sum),
-    ...Object.fromEntries(doc.trust.map(name => [name, () => {
+    ...Object.fromEntries(doc.quality.map(name => [name, () => {
       const value = read(name);
       return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${unknown};`;
     }])),

@@ -16,7 +16,7 @@ export const LOWEST = 2;
 
 // Layers of how far a fit can be trusted, on ramps that are the same for every painting. `ends`: of the ramp, as
 // powers of two; `words` of its ends; `shown`: a number in words.
-export const TRUST = {
+export const QUALITY = {
   sigma: { label: "Uncertainty of the normal", ends: [0.1, 10].map(value => Math.log2(value * RADIANS)), words: ["0.1°", "10°"], shown: value => `${(value / RADIANS).toPrecision(2)}°` },
   residual: { label: "Residual", ends: [0.001, 0.1].map(Math.log2), words: ["0.1 % of white", "10 %"], shown: value => `${(100 * value).toPrecision(2)} % of white` },
 };
@@ -116,7 +116,7 @@ export function layersOf(doc) {
     { name: "normals", label: "Normals" },
     ...(doc.lobes.length ? [{ name: "width", label: "Gloss: width" }, { name: "strength", label: "Gloss: strength" }] : []),
     ...(doc.relief ? [{ name: "height", label: "Height" }] : []),
-    ...doc.trust.map(name => ({ name, ...TRUST[name] })),
+    ...doc.quality.map(name => ({ name, ...QUALITY[name] })),
     { name: "status", label: "Status" },
   ];
 }
