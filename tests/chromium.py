@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import select
 import shutil
 import subprocess
@@ -126,7 +127,7 @@ class Chromium:
             time.sleep(0.02)
         return found
 
-    def open(self, url: str) -> None:
+    def open(self, url: str, *, ready: str = "document.documentElement?.dataset.ready") -> None:
         """Load a page, until it says that it is ready."""
         # In a new tab: an older one may ask whether to leave what was not saved.
         self._session = None
@@ -140,11 +141,9 @@ class Chromium:
             width=width, height=height, deviceScaleFactor=1, mobile=False,
         )  # fmt: skip
         self.call("Page.navigate", url=url)
-        # A page may write what it shows behind #.
-        page = json.dumps(url.partition("#")[0])
-        self.until(
-            f"location.href.split('#')[0] === {page} && document.documentElement?.dataset.ready"
-        )
+        # A page may write what it shows behind #, and take its token from behind ?.
+        page = json.dumps(re.split(r"[?#]", url)[0])
+        self.until(f"location.href.split(/[?#]/)[0] === {page} && {ready}")
 
     def key(self, key: str, *, shift: bool = False, ctrl: bool = False) -> None:
         """Press and release a key."""

@@ -69,28 +69,6 @@ def test_folders(words: list[str], files: list[str], result: Path, tmp_path: Pat
     assert json.loads((out / "loss.json").read_text())["kind"] == "impasto loss"
 
 
-def test_the_web_page_is_the_viewer_s(
-    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever the viewer writes: it gets the result, the folder and the options."""
-    import sys
-    from types import ModuleType
-
-    given: dict[str, object] = {}
-
-    def write_site(painting: object, folder: Path, **options: object) -> None:
-        given.update(options, painting=painting, folder=folder)
-
-    viewer = ModuleType("impasto.viewer")
-    viewer.write_site = write_site  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "impasto.viewer", viewer)
-    words = ["export", "web", str(result), "--out", str(tmp_path / "w"), "--title", "Icon"]
-    assert main([*words, "--pitch", "0.5", "--quiet"]) == 0
-    assert type(given["painting"]).__name__ == "PooledSbrdf"
-    assert given["folder"] == tmp_path / "w"
-    assert (given["title"], given["pitch_mm"], given["reflectance"]) == ("Icon", 0.5, None)
-
-
 def test_wrong_uses(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "letter.txt").write_text("dear")
     export = ["export", "usd", str(result), "--out"]

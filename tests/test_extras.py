@@ -51,7 +51,7 @@ import json, sys, tempfile
 from pathlib import Path
 
 OPTIONAL = ("matplotlib", "PIL", "imageio_ffmpeg", "zarr", "xarray", "h5netcdf", "h5py", "dask",
-            "distributed", "scipy", "rawpy", "pandas", "gphoto2", "serial")
+            "distributed", "scipy", "rawpy", "pandas", "gphoto2", "serial", "anywidget")
 for name in OPTIONAL:
     sys.modules[name] = None
 
@@ -91,6 +91,7 @@ with tempfile.TemporaryDirectory() as name:
     need("ingest", lambda: jobs.ingest(stack, folder / "c.zarr"))
     need("to_xarray", result.to_xarray)
     need("lobe_plot", lambda: result.lobe_plot(3, 4))
+    need("view", result.view)
     told["left"] = sorted(path.name for path in folder.iterdir())
 sys.stdout.write("\\n" + json.dumps(told))
 """
@@ -103,7 +104,7 @@ def test_without_any_extra_all_else_works() -> None:
     assert [told[name] for name in ("fit", "render", "info")] == [0, 0, 0]
     for name, extra in {
         "save": "scale", "run": "scale", "ingest": "scale", "to_xarray": "scale",
-        "lobe_plot": "plot",
+        "lobe_plot": "plot", "view": "viewer",
     }.items():  # fmt: skip
         assert f"pip install 'impasto[{extra}]'" in told[name], name
     assert told["left"] == ["a.npz", "a.png", "out", "stack.npz"]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import chromium
 import impasto
+from impasto.cli import main
 from impasto.surface import Lobe, Surface
 from impasto.viewer import Contents, ViewServer, write_site
 from loopback import serving
@@ -177,6 +178,83 @@ def encoded(linear: NDArray[Any]) -> NDArray[Any]:
     return 255.0 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
+def test_what_the_display_clips_is_marked(browser: chromium.Chromium, tmp_path: Path) -> None:
+    """Where the renderer's linear light is above 1, or below 0: half of the pixels, in stripes.
+
+    Linear light of both sides agrees to 1e-3; pixels that are nearer to a limit are left out.
+    """
+    surface, spectra = surfaces()["gilded spectra"]
+    spectra.coefficients[[0, 2, 3, 4], :, 15:] *= 0.01  # a green that no display has
+    write_site(surface, tmp_path / "site", reflectance=spectra)
+    browser.open((tmp_path / "site" / "index.html").as_uri())
+    scene = impasto.Scene([LAMP(np.pi / 2, np.pi / 4)])
+    linear = impasto.render(surface, scene, reflectance=spectra).linear
+    codes = shown(browser, {"clipped": True})[..., :3].astype(int)
+    plain = shown(browser, {})[..., :3].astype(int)
+    marked = (codes != plain).any(axis=-1)
+    bright, outside = linear.max(axis=0) > 1.0, linear.min(axis=0) < -1e-3
+    sure = (np.abs(linear - 1.0) > 2e-3).all(axis=0) & (np.abs(linear + 1e-3) > 2e-3).all(axis=0)
+    assert min((bright & sure).sum(), (outside & ~bright & sure).sum()) > 20, "both are there"
+    rows, columns = np.indices(SHAPE)
+    stripes = (rows + columns) % 4 < 2
+    assert (marked[sure] == ((bright | outside) & stripes)[sure]).all()
+    red = codes[bright & sure & stripes]
+    blue = codes[outside & ~bright & sure & stripes]
+    assert (red[:, 0] == 255).all()
+    assert (blue[:, 2] == 255).all()
+    # The saved picture has none.
+    browser.value("window.impasto.viewer.set({ clipped: true })")
+    found = browser.value(
+        "(async () => { const { data } = await window.impasto.viewer.picture(0,"
+        " { clipped: false }); return [...data]; })()"
+    )
+    saved = np.array(found).reshape(*SHAPE, 4)[..., :3]
+    assert (saved == plain).all()
+
+
+def test_layers_show_how_far_a_fit_can_be_trusted(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    """On ramps of the logarithm, 0.1 to 10 degrees and 0.1 to 10 % of white.
+
+    A step of the ramp is 2.7 %, and half precision is off by 0.05 %: the neighbouring step at most.
+    """
+    random = np.random.default_rng(5)
+    lights = np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8],
+                       [0.0, 0.0, 1.0]])  # fmt: skip
+    true = Surface(normals(random), numbers(random, 0.2, 0.7, 3))
+    noise = 0.01 * random.normal(size=(5, 3, *SHAPE)) * random.uniform(0, 1, SHAPE)
+    mask = np.ones(SHAPE, bool)
+    mask[3:6, 4:9] = False
+    samples = np.maximum(true.predict(lights) + noise, 1e-3)
+    stack = impasto.Stack(samples, lights=lights, mask=mask)
+    result = impasto.fit_sbrdf(stack, pooling="none", check=False)
+    write_site(result, tmp_path / "site")
+    browser.open((tmp_path / "site" / "index.html").as_uri())
+    ramp = np.array(browser.value("window.impasto.viewer.doc.ramp"))
+    for name, (low, high) in {"sigma": np.radians([0.1, 10.0]), "residual": (1e-3, 0.1)}.items():
+        codes = shown(browser, {"layer": name})[..., :3].astype(int)
+        values = getattr(result, name)
+        known = np.isfinite(values)
+        steps = 255 * np.log(values[known] / low) / np.log(high / low)
+        expected = np.clip(np.rint(steps), 0, 255).astype(int)
+        assert np.unique(expected).size > 50, "the map is no constant"
+        near = np.stack([ramp[np.clip(expected + step, 0, 255)] for step in (-1, 0, 1)])
+        assert (near == codes[known]).all(axis=-1).any(axis=0).all()
+        grey = codes[~known]
+        assert len(grey) >= 15
+        assert (grey == grey[:, :1]).all(), "unknown is grey"
+        legend = browser.value("document.querySelector('.legend').textContent")
+        assert legend == {"sigma": "0.1°10°", "residual": "0.1 % of white10 %"}[name]
+    browser.value("window.impasto.viewer.inspect(7, 12)")
+    browser.until("document.querySelector('dl.values') !== null")
+    rows = browser.value("document.querySelector('dl.values').textContent")
+    said = re.search(r"Uncertainty of the normal([\d.]+)°", rows)
+    assert said is not None
+    # Two digits are shown.
+    assert float(said[1]) == pytest.approx(np.degrees(result.sigma[12, 7]), rel=0.06)
+
+
 @pytest.mark.parametrize("name", ["pixels", "lafortune"])
 def test_from_the_side_it_has_the_light_of_the_model(
     browser: chromium.Chromium, tmp_path: Path, name: str
@@ -255,6 +333,36 @@ def test_a_store_is_shown_at_all_its_scales(browser: chromium.Chromium, tmp_path
     assert re.search(r"1\.[23] mm from the left, 1\.[12] mm from the top", status)
     code = int(stored.map("status", slice(11, 12), slice(12, 13))[0, 0])
     assert impasto.Status(code).reason in status
+
+
+def test_the_command_writes_a_page_of_any_result(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    """A result folder, an .npz and a .zarr, opened from the disk: each as it is rendered."""
+    random = np.random.default_rng(4)
+    lights = [[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]
+    true = Surface(normals(random), numbers(random, 0.2, 0.7, 3))
+    stack = impasto.Stack(true.predict(lights), lights=impasto.Rig(lights, pitch_mm=0.5))
+    photographs = tmp_path / "stack.npz"
+    impasto.io.write_stack(photographs, stack)
+    folder = tmp_path / "folder"
+    words = [str(photographs), "--out", str(folder), "--pooling", "none", "--quiet"]
+    assert main(["fit", *words]) == 0
+    result = impasto.load_sbrdf(folder / "sbrdf.npz")
+    result.save(tmp_path / "a.impasto.zarr")
+    expected = impasto.render(result, impasto.Scene([LAMP(np.pi / 2, np.pi / 4)]), fidelity="model")
+    assert expected.display.std() > 5
+    for number, name in enumerate(("folder", "folder/sbrdf.npz", "a.impasto.zarr")):
+        site = tmp_path / f"site{number}"
+        words = [str(tmp_path / name), "--out", str(site), "--title", name, "--quiet"]
+        words += ["--photographs", str(photographs)] if number == 0 else []
+        assert main(["export", "web", *words]) == 0
+        browser.open((site / "index.html").as_uri())
+        assert browser.value("document.querySelector('h1').textContent") == name
+        codes = shown(browser, {})[..., :3].astype(int)
+        assert np.abs(codes - expected.display).max() <= 1
+        photographed = browser.value("window.impasto.viewer.doc.photographs.length")
+        assert photographed == (4 if number == 0 else 0)
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import length_mm, one_of, refractive_index, truth
+from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
 from impasto.rig import FRONTAL, PointView, Rig, Views
@@ -69,7 +70,7 @@ class Relightable(ABC):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Surface(Relightable):
+class Surface(Viewable, Relightable):
     """A painting's surface from arrays, for :meth:`predict` and :func:`impasto.render`.
 
     ``Surface(normal, diffuse)`` is matte. :meth:`torrance_sparrow` and :meth:`lafortune` add

@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from impasto._internal.checks import length_mm
 from impasto.cli import console
 from impasto.cli.console import Stages
-from impasto.cli.options import Flag, OneDirection, SomeWhole
+from impasto.cli.options import Flag, OneDirection, SomeWhole, check_threads
 from impasto.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -172,45 +172,53 @@ def web(
     /,
     *,
     out: Folder,
+    photographs: Path | None = None,
+    encoding: str | None = None,
     title: str = "",
     pitch: float | None = None,
+    threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> None:
     """Write a web page with impasto's viewer, of a painting of any size.
 
     Parameters
     ----------
+    photographs
+        What the result was fitted to (a light file, session.toml, folder or store), to compare with
+        its pictures: four of them are shown.
+    encoding
+        Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
+        linear for all others.
     title
         Above the page.
     pitch
         Width of a pixel in mm, if the result does not contain it.
+    threads
+        Default: every core.
     quiet
         No progress, only errors.
     """
-    from importlib import import_module
+    from impasto.cli.maps import photographs_beside, shown_result
+    from impasto.viewer import write_site
 
-    import impasto
-    from impasto.cli.maps import load_result
-    from impasto.io.results import result_file
-
+    check_threads(threads)
     stages = Stages(quiet=quiet)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    path = result_file(result)
-    painting: Any
-    painting, reflectance = (
-        (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(result)
-    )
+    painting, reflectance = shown_result(result)
+    stack = photographs_beside(photographs, encoding, stages)
     with stages.warned(), stages.stage("web page") as stage:
-        import_module("impasto.viewer").write_site(
+        site = write_site(
             painting,
             out,
             reflectance=reflectance,
+            stack=stack,
             title=title,
             pitch_mm=pitch,
+            threads=threads,
             progress=stage.advance,
         )
-        stage.note = str(out)
+        stage.note = f"{out}: {site.files} files, {site.size / 1e6:.1f} MB; open index.html"
 
 
 def _export(

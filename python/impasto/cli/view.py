@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -27,8 +27,8 @@ def view(
 ) -> int:
     """Show a fitted painting in the browser: drag the light over it.
 
-    The page is served on this machine alone; Ctrl-C ends it. impasto.viewer.write_site writes the
-    same page as a folder to hand on.
+    The page is served on this machine alone; Ctrl-C ends it. impasto export web writes the same
+    page as a folder to hand on.
 
     Parameters
     ----------
@@ -52,9 +52,7 @@ def view(
     threads
         Default: every core.
     """
-    import impasto
-    from impasto.cli.maps import load_result
-    from impasto.io.results import result_file
+    from impasto.cli.maps import photographs_beside, shown_result
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
@@ -62,21 +60,11 @@ def view(
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     stages = Stages(quiet=False)
-    path = result_file(result)
-    painting: Any
     with stages.stage("result") as stage:
-        if path.suffix.lower() == ".zarr" and path.is_dir():
-            painting, reflectance = impasto.open_sbrdf(path), None
-        else:
-            painting, reflectance = load_result(result)
+        painting, reflectance = shown_result(result)
         rows, columns = painting.shape
         stage.note = f"{columns} x {rows} pixels"
-    stack = None
-    if photographs is not None:
-        options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
-        with stages.warned(), stages.stage("photographs") as stage:
-            stack = impasto.read_stack(photographs, **options)
-            stage.note = f"{len(stack.rig)}"
+    stack = photographs_beside(photographs, encoding, stages)
     with stages.stage("page") as stage:
         contents = Contents(
             painting,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, picked
+from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
 from impasto.fit.choice import Choice
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sbrdf(PixelMaps, Relightable):
+class Sbrdf(PixelMaps, Viewable, Relightable):
     """A painting's surface: the members of every result of :func:`impasto.fit_sbrdf`.
 
     Every map is NaN exactly where ``status`` is 16 or more, and where its class says so. A

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.viewing import Viewable
 from impasto.colour import Illuminant, xyz_from_spectrum
 from impasto.errors import ArgumentError
 from impasto.simulate import surface
@@ -34,7 +35,7 @@ RANK = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Painting(Relightable):
+class Painting(Viewable, Relightable):
     """The true surface of a simulated painting.
 
     Attributes

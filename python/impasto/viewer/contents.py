@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,7 @@ from impasto.scene import Scene
 from impasto.status import Status
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
-from impasto.viewer.layout import SHOWN, UNIT, UNREAD, Layout
+from impasto.viewer.layout import QUALITY, SHOWN, UNIT, UNREAD, Layout
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
 from impasto.viewer.scales import SIDE, Scales, ScalesInMemory, ScalesOfStore, eye_of
@@ -38,8 +38,20 @@ FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
 FEWEST = 100
 """Normals of which heights are made: a plane through fewer is none."""
-TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})\.js")
-PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})\.js")
+TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})")
+PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
+
+
+class ContentsOptions(TypedDict, total=False):
+    """Options of :class:`Contents`."""
+
+    reflectance: Any
+    stack: Any
+    shown: Any
+    title: str
+    pitch_mm: float | None
+    height: ArrayLike | None
+    threads: int | None
 
 
 class Contents:
@@ -96,7 +108,7 @@ class Contents:
             painting = _in_memory(result, reflectance, height, pitch, threads)
         self._scales = painting.scales
         template = self._scales.template
-        self._layout = Layout.of(template, beneath=painting.beneath)
+        self._layout = Layout.of(template, beneath=painting.beneath, quality=painting.quality)
         bands, spectra = len(template.diffuse), painting.reflectance
         rows, columns = self._scales.scales[0].shape
         self._photographs = Photographs(
@@ -122,6 +134,7 @@ class Contents:
             "coated": bool(template.coated),
             "ambient": template.ambient is not None,
             "beneath": painting.beneath,
+            "quality": list(painting.quality),
             "relief": template.height is not None,
             "coefficients": bands,
             "bands": painting.bands,
@@ -160,27 +173,35 @@ class Contents:
         }
         if name in pages:
             return pages[name]
+        if (data := self.data(name.removesuffix(".js"))) is not None and name.endswith(".js"):
+            return lambda: _called(name.removesuffix(".js"), data())
+        return None
+
+    def data(self, name: str) -> Callable[[], bytes] | None:
+        """The same of a tile or a photograph, by its name without ``.js``: gzip, or a PNG."""
         if found := TILE.fullmatch(name):
             number, row, column = map(int, found.groups())
             return lambda: self._tile(number, row, column)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
-            return lambda: _called(f"photographs/{number}", self._photographs.png(number))
+            return lambda: self._photographs.png(number)
         return None
+
+    @property
+    def text(self) -> str:
+        """The document as JSON, in ASCII: no character ends a line or a script."""
+        return json.dumps(self.document, allow_nan=False, separators=(",", ":"))
 
     def _index(self) -> bytes:
         return page_file("index.html").replace("POLICY", policy(embedded=True)).encode()
 
     def _document(self) -> bytes:
-        # ASCII alone: no character ends a line or a script.
-        text = json.dumps(self.document, allow_nan=False, separators=(",", ":"))
-        return f"window.impasto = {{ document: {text} }};\n".encode("ascii")
+        return f"window.impasto = {{ document: {self.text} }};\n".encode("ascii")
 
     def _tile(self, number: int, row: int, column: int) -> bytes:
         scale = self._scales.scales[number]
         part = self._scales.part(scale, scale.window(row, column))
-        tile = self._layout.tile(part.surface, part.status, part.beneath)
-        return _called(f"tiles/{number}/{row}-{column}", tile)
+        return self._layout.tile(part.surface, part.status, part.beneath, part.quality)
 
 
 @dataclass(frozen=True)
@@ -195,6 +216,7 @@ class _Painting:
     bands: list[str]
     reflectance: Any = None
     beneath: bool = False
+    quality: tuple[str, ...] = ()
 
 
 def _of_store(stored: StoredSbrdf, threads: int | None) -> _Painting:
@@ -232,8 +254,9 @@ def _in_memory(
         share = metallic(lit.surface())
         beneath = share if np.ndim(share) else np.full(surface.shape, share, np.float32)
         beneath = beneath if (beneath > 0.0).any() else None
+    quality = {name: getattr(result, name) for name in QUALITY if hasattr(result, name)}
     return _Painting(
-        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath),
+        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
         effects=_effects(planned.effects),
         eye=lit.eye(),
         pitch_mm=surface.pitch_mm,
@@ -241,6 +264,7 @@ def _in_memory(
         bands=[str(name) for name in getattr(lit, "bands", ())],
         reflectance=spectra,
         beneath=beneath is not None,
+        quality=tuple(quality),
     )
 
 

@@ -12,8 +12,9 @@ with what is no number.
 from __future__ import annotations
 
 import gzip
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,13 @@ SHOWN = 256
 UNREAD = 254
 """In place of a status at scales at which it was not read."""
 LARGEST_HALF = 65504.0
+QUALITY = ("sigma", "residual")
+"""Maps of how far a fit can be trusted: the standard deviation of the normal in radians, and what
+the fit leaves of the photographs, relative to the white board."""
+UNKNOWN = -1.0
+"""In place of a number of them that is not known."""
 Number = Literal["int16", "half", "single"]
+Scalar = TypeVar("Scalar", bound=np.generic)
 TYPES: dict[Number, type[np.generic]] = {
     "int16": np.int16,
     "half": np.float16,
@@ -77,11 +84,11 @@ class Layout:
     groups: tuple[Group, ...]
 
     @classmethod
-    def of(cls, surface: Surface, *, beneath: bool = False) -> Layout:
+    def of(cls, surface: Surface, *, beneath: bool = False, quality: Sequence[str] = ()) -> Layout:
         """What a surface has, in any part of it and at any scale.
 
         ``beneath``: whether there is a map of the share of the gloss that a varnish leaves as it is
-        (:func:`impasto.lighting.metallic`).
+        (:func:`impasto.lighting.metallic`). ``quality``: which of :data:`QUALITY` there are.
         """
         count = len(surface.diffuse)
         colours = [f"diffuse{k}" for k in range(count)]
@@ -91,6 +98,7 @@ class Layout:
             colours.append("height")
         if beneath:
             colours.append("beneath")
+        colours += quality
         lobes: list[str] = []
         for number, lobe in enumerate(surface.lobes):
             tinted = np.ndim(lobe.strength) == 3
@@ -107,6 +115,7 @@ class Layout:
         part: Surface,
         status: NDArray[np.uint8] | None,
         beneath: NDArray[np.float32] | None = None,
+        quality: Mapping[str, NDArray[np.float32]] | None = None,
     ) -> bytes:
         """A part of a surface as the page reads it, compressed by gzip.
 
@@ -116,8 +125,8 @@ class Layout:
             Of a surface for which the layout was made.
         status
             ``(y, x)`` :class:`~impasto.Status`; None where it was not read.
-        beneath
-            ``(y, x)``, as in :meth:`of`.
+        beneath, quality
+            Maps ``(y, x)``, as in :meth:`of`.
         """
         planes = _planes(part)
         shown = np.ones(part.shape, bool)
@@ -134,6 +143,8 @@ class Layout:
                 planes[f"{name}{number}"] = shape
         if beneath is not None:
             planes["beneath"] = np.nan_to_num(beneath, nan=0.0)
+        for name, plane in (quality or {}).items():
+            planes[name] = np.where(np.isfinite(plane), plane, UNKNOWN)
         codes = np.full(part.shape, UNREAD, np.int16) if status is None else status.astype(np.int16)
         planes["flags"] = codes + np.int16(SHOWN) * shown
         return gzip.compress(self._bytes(planes, shown), COMPRESSION, mtime=0)
@@ -161,10 +172,10 @@ class Layout:
         return [group.record() for group in self.groups]
 
 
-def status_at(status: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
-    """The status of the pixel in the middle of every ``factor`` x ``factor``."""
+def middle_of(plane: NDArray[Scalar], factor: int) -> NDArray[Scalar]:
+    """The number of the pixel in the middle of every ``factor`` x ``factor``."""
     middle = factor // 2
-    return status[middle::factor, middle::factor] if factor > 1 else status
+    return plane[middle::factor, middle::factor] if factor > 1 else plane
 
 
 def _planes(part: Surface) -> dict[str, NDArray[Any]]:

@@ -6,7 +6,8 @@ normals has widened (:func:`impasto.lighting.reduced`), as in the stores of jobs
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -19,7 +20,7 @@ from impasto.fit.stored import StoredSbrdf
 from impasto.lighting import reduced
 from impasto.rig import PointView
 from impasto.surface import Lobe, Surface
-from impasto.viewer.layout import status_at
+from impasto.viewer.layout import middle_of
 
 SIDE = 256
 """Rows and columns of a tile."""
@@ -79,11 +80,14 @@ class Part:
         ``(y, x)`` :class:`~impasto.Status`, where it was read.
     beneath
         ``(y, x)`` share of the gloss that a varnish leaves as it is, where that matters.
+    quality
+        Maps ``(y, x)`` by their names in :data:`~impasto.viewer.layout.QUALITY`.
     """
 
     surface: Surface
     status: NDArray[np.uint8] | None = None
     beneath: NDArray[np.float32] | None = None
+    quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 class Scales(Protocol):
@@ -112,6 +116,8 @@ class ScalesInMemory:
         ``(y, x)`` :class:`~impasto.Status`; None where there is none.
     beneath
         As in :class:`Part`: a map ``(y, x)``.
+    quality
+        As in :class:`Part`; at a smaller scale the numbers of the pixel in the middle.
     """
 
     def __init__(
@@ -119,7 +125,9 @@ class ScalesInMemory:
         surface: Surface,
         status: NDArray[np.uint8] | None = None,
         beneath: NDArray[np.float32] | None = None,
+        quality: Mapping[str, NDArray[np.float32]] | None = None,
     ) -> None:
+        self._quality = quality or {}
         self._template = surface
         self._status = status
         self._levels = [surface]
@@ -146,11 +154,18 @@ class ScalesInMemory:
         """See :class:`Scales`."""
         number = scale.factor.bit_length() - 1
         whole, beneath = self._levels[number], self._beneath[number]
-        status = None
-        if self._status is not None:
-            rows, columns = whole.shape
-            status = status_at(self._status, scale.factor)[:rows, :columns][window]
-        return Part(cut(whole, window), status, None if beneath is None else beneath[window])
+        rows, columns = whole.shape
+
+        def sampled(plane: NDArray[Any]) -> NDArray[Any]:
+            found: NDArray[Any] = middle_of(plane, scale.factor)[:rows, :columns][window]
+            return found
+
+        return Part(
+            cut(whole, window),
+            None if self._status is None else sampled(self._status),
+            None if beneath is None else beneath[window],
+            {name: sampled(plane) for name, plane in self._quality.items()},
+        )
 
 
 class ScalesOfStore:
@@ -201,7 +216,7 @@ class ScalesOfStore:
             return Part(self._shown(one))
         rows, columns = (slice(scale.factor * p.start, scale.factor * p.stop) for p in window)
         status = self._stored.map("status", rows, columns)
-        return Part(self._shown(one), status_at(status, scale.factor))
+        return Part(self._shown(one), middle_of(status, scale.factor))
 
     def _shown(self, one: Any) -> Surface:
         found: Surface = (one if self._bands is None else one.with_bands(self._bands)).surface()

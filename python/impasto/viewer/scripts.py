@@ -8,6 +8,7 @@ same name at the top.
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from importlib import resources
@@ -25,6 +26,9 @@ MODULES = (
     "annotations",
     "controls",
     "saving",
+    "geometry",
+    "pointer",
+    "host",
     "viewer",
     "start",
 )
@@ -33,6 +37,10 @@ ENTRY = "mount"
 """What the last of them exports: shows a painting in an element."""
 START = "startPage"
 """And what starts the page of a site."""
+NOTEBOOK = "notebook"
+"""The module that stands after them in a notebook, and what it exports to anywidget."""
+RENDER = "renderNotebook"
+Form = Literal["classic", "module", "notebook"]
 IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class|let)\b)", re.MULTILINE)
 
@@ -43,14 +51,15 @@ def page_file(name: str) -> str:
 
 
 @cache
-def script(form: Literal["classic", "module"] = "classic") -> str:
+def script(form: Form = "classic") -> str:
     """All modules in one script.
 
     Parameters
     ----------
     form
         ``"classic"``: starts by itself on the page of a site. ``"module"``: an ES module that
-        exports ``mount``, for notebooks.
+        exports ``mount``, for other pages. ``"notebook"``: an ES module with its style, whose
+        default export has the ``render`` that anywidget calls.
 
     Raises
     ------
@@ -58,9 +67,10 @@ def script(form: Literal["classic", "module"] = "classic") -> str:
         A module imports from one after it, or exports otherwise than by name.
     """
     joined = []
-    for number, name in enumerate(MODULES):
+    modules = (*MODULES, NOTEBOOK) if form == "notebook" else MODULES
+    for number, name in enumerate(modules):
         text = page_file(f"{name}.js")
-        later = set(IMPORT.findall(text)) - set(MODULES[:number])
+        later = set(IMPORT.findall(text)) - set(modules[:number])
         if later:
             raise ValueError(f"{name}.js imports {sorted(later)}, which do not stand before it")
         text = EXPORT.sub("", IMPORT.sub("", text))
@@ -70,4 +80,7 @@ def script(form: Literal["classic", "module"] = "classic") -> str:
     body = "\n".join(joined)
     if form == "module":
         return f"{body}\nexport {{ {ENTRY} }};\n"
+    if form == "notebook":
+        style = json.dumps(page_file("style.css"))
+        return f"const STYLE = {style};\n{body}\nexport default {{ render: {RENDER} }};\n"
     return f"(() => {{\n'use strict';\n{body}\n{START}();\n}})();\n"

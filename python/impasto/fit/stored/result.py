@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.checks import is_whole, length_mm
+from impasto._internal.viewing import view
 from impasto._internal.windows import Window, offset, window
 from impasto.effects import Decisions
 from impasto.errors import ArgumentError
@@ -147,6 +148,13 @@ class StoredSbrdf:
         from impasto.notebook import stored_view
 
         return stored_view(self)
+
+    def view(self, **options: Any) -> Any:
+        """Show it in a notebook, in any light; only tiles that are seen are read.
+
+        As :meth:`impasto.Sbrdf.view`, but without ``reflectance`` and ``height``.
+        """
+        return view(self, options)
 
     def __getitem__(self, key: Any) -> Sbrdf:
         """``[y0:y1, x0:x1]``: a part of the painting, loaded.

@@ -1,7 +1,7 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
 import { adaptedTemperature } from "./colour.js";
-import { LOWEST, directionOf, anglesOf, layersOf } from "./state.js";
+import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { codesOf, labOf, spectrumOf } from "./values.js";
 import { svg, spectrumPlot, lobePlot } from "./plots.js";
@@ -32,7 +32,7 @@ function slider(text, attributes, change, shown) {
   const input = h("input", { type: "range", id, ...attributes, oninput: () => change(Number(input.value)) });
   const element = h("div", { className: "field" }, h("label", { htmlFor: id }, text), output, input);
   return { element, input, update: value => {
-    if (document.activeElement !== input || Number(input.value) !== value) input.value = value;
+    if (input.getRootNode().activeElement !== input || Number(input.value) !== value) input.value = value;
     output.textContent = shown(value);
     input.setAttribute("aria-valuetext", shown(value));
   } };
@@ -84,12 +84,18 @@ function lightSection(app, updates) {
   const number = (text, name, low, high, from = value => value, to = value => value) => {
     const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
       onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
-    updates.push(state => { if (document.activeElement !== input) input.value = Math.round(to(state[name])); });
+    updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(state[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
   const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
-  updates.push(pad.update, state => exposure.update(state.exposure));
+  const clipped = check("Mark what is clipped", on => app.set({ clipped: on }));
+  const marks = h("p", { className: "faint" }, "Red stripes: brighter than the display's white. Blue: more saturated than it can show.");
+  updates.push(pad.update, state => {
+    exposure.update(state.exposure);
+    clipped.update(state.clipped);
+    marks.hidden = !state.clipped;
+  });
   const near = [];
   if (doc.pitch) {
     const extent = Math.hypot(doc.width, doc.height) * doc.pitch;
@@ -103,7 +109,7 @@ function lightSection(app, updates) {
   return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
     number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
   h("div", { className: "presets" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
-  ...near, exposure.element);
+  ...near, exposure.element, clipped.element, marks);
 }
 
 function colourSection(app, updates) {
@@ -143,6 +149,7 @@ function legend(app) {
     if (state.layer === "width") element.append(...bar(`${(2 ** low * 180 / Math.PI).toPrecision(2)}°`, `${(2 ** high * 180 / Math.PI).toPrecision(2)}°`));
     if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
     if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
+    if (state.layer in QUALITY) element.append(...bar(...QUALITY[state.layer].words));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     if (state.layer === "status") {
@@ -229,6 +236,7 @@ function pixelSection(app, updates) {
     const plots = [];
     if (values.shown) {
       rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
+      for (const name of doc.quality) rows.push([QUALITY[name].label, values.quality[name] < 0 ? "not known" : QUALITY[name].shown(values.quality[name])]);
       if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
       if (colours.basis) {
         const lab = labOf(colours, app.state.illuminant, values.diffuse);
@@ -262,7 +270,7 @@ function noteSection(app) {
   const open = h("input", { type: "file", accept: ".json,.jsonld,application/json", hidden: true, onchange: () => { if (open.files[0]) app.openNotes(open.files[0]); open.value = ""; } });
   app.showNotes = (notes, stored) => {
     hint.hidden = notes.length > 0;
-    kept.textContent = notes.length ? (stored ? "Kept in this browser; save them to hand them on." : "This browser keeps nothing here; save them.") : "";
+    kept.textContent = notes.length ? (stored ? app.host.kept : "This browser keeps nothing here; save them.") : "";
     list.replaceChildren(...notes.map((one, i) => h("li", {},
       h("button", { type: "button", className: "plain", title: "Show the place", onclick: () => app.goTo(placeOf(one)) }, `${i + 1}. ${textOf(one) || "(no words)"}`),
       h("button", { type: "button", className: "plain", "aria-label": `Remove note ${i + 1}`, onclick: () => app.removeNote(i) }, "×"))));
@@ -282,9 +290,9 @@ export function panel(app) {
     lightSection(app, updates), colourSection(app, updates), layerSection(app, updates), effectSection(app, updates), viewSection(app, updates),
     compareSection(app, updates), pixelSection(app, updates), noteSection(app),
     section("Hand on", false, h("div", { className: "row wrap" },
-      h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
-    h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
-    section("Keys", false, h("dl", { className: "keys" }, ...KEYS.flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
+      app.host.link && h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
+    app.host.link && h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
+    section("Keys", false, h("dl", { className: "keys" }, ...KEYS.filter(([key]) => key !== "P" || app.host.link).flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
   return { element, update: state => updates.forEach(update => update(state)) };
 }
 

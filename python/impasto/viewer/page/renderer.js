@@ -3,7 +3,7 @@
 import { displayColours } from "./colour.js";
 import { groupsOf } from "./half.js";
 import { fresnel } from "./values.js";
-import { directionOf } from "./state.js";
+import { QUALITY, directionOf } from "./state.js";
 import { VERTEX, fragment, showFragment, showVertex } from "./shader.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
@@ -21,7 +21,7 @@ export class Renderer {
     this.textures = new Map(); // name: { groups, picture, frame, key, bytes, width, height }
     this.version = 0;
     this.heights = doc.groups.findIndex(group => group.planes.includes("height"));
-    this.ranges = { width: [-12, 0], strength: [-12, 0], height: [0, 1] };
+    this.ranges = { ...Object.fromEntries(doc.quality.map(name => [name, QUALITY[name].ends])), width: [-12, 0], strength: [-12, 0], height: [0, 1] };
     this.restart();
   }
 
@@ -192,6 +192,7 @@ export class Renderer {
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
+    gl.uniform1i(at("uClipped"), state.clipped ? 1 : 0);
     this.version++;
   }
 

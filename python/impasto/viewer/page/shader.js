@@ -11,6 +11,9 @@ void main() {
   gl_Position = vec4(2.0 * at - 1.0, 0.0, 1.0);
 }`;
 
+// Colours of stripes where the display clips: brighter than its white, or more saturated than its primaries.
+export const MARKS = { bright: "1.0, 0.0, 0.3", outside: "0.1, 0.4, 1.0" };
+
 const MODELS = {
   "torrance-sparrow": `
 float fresnel(float c) {
@@ -113,12 +116,17 @@ export function fragment(doc, { layer, coat, near, nearView }) {
     return plane(doc, name);
   };
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
+  const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
     picture: () => lit(doc, { coat, near, nearView, mirror, read, sum }),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
     strength: () => strongest(doc, "strength", mirror, read, sum),
+    ...Object.fromEntries(doc.quality.map(name => [name, () => {
+      const value = read(name);
+      return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${unknown};`;
+    }])),
     height: () => `shown = ramp(${read("height")});`,
     status: () => "",
   }[layer]();
@@ -127,7 +135,6 @@ export function fragment(doc, { layer, coat, near, nearView }) {
   const fetches = doc.groups.flatMap((group, unit) => Array.from({ length: group.layers }, (_, layer) =>
     (group.planes.slice(4 * layer, 4 * layer + 4).some(name => used.has(name))
       ? [`  ${group.number === "int16" ? "i" : ""}vec4 g${unit}_${layer} = texelFetch(uGroup${unit}, ivec3(at, ${layer}), 0);`] : []))).flat();
-  const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   return `#version 300 es
 precision highp float;
 precision highp int;
@@ -157,6 +164,7 @@ uniform float uAmbient;
 uniform vec4 uCoat;       // strength and shape of the varnish's lobe
 uniform vec2 uBeneath;    // what it leaves of the lobes: a share, and more of it where they are metal's
 uniform vec2 uRange;
+uniform bool uClipped;    // mark what the display cannot show
 out vec4 shown;
 
 vec3 n, light, view;
@@ -211,7 +219,11 @@ ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-  shown = vec4(encoded(colour), 1.0);`;
+  shown = vec4(encoded(colour), 1.0);
+  if (uClipped && ((at.x + at.y) & 3) < 2) {
+    if (max(colour.r, max(colour.g, colour.b)) > 1.0) shown.rgb = vec3(${MARKS.bright});
+    else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
+  }`;
 }
 
 // Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is

@@ -2,12 +2,14 @@
 
 import { scriptSource } from "./tiles.js";
 import { h } from "./controls.js";
+import { pageHost } from "./host.js";
 import { Viewer } from "./viewer.js";
 
-// Show a painting in an element. `source` gives tiles by name and photographs by number, as promises.
-export function mount(element, doc, source) {
+// Show a painting in an element. `source` gives tiles by name and photographs by number, as promises; `host` keeps
+// state and notes, as those of host.js.
+export function mount(element, doc, source, host = pageHost(doc)) {
   try {
-    return new Viewer(element, doc, source);
+    return new Viewer(element, doc, source, host);
   } catch (error) {
     element.replaceChildren(h("p", { className: "refused", role: "alert" }, error.message));
     throw error;

@@ -14,6 +14,13 @@ export const anglesOf = ([x, y, z]) => ({
 
 export const LOWEST = 2;
 
+// Layers of how far a fit can be trusted, on ramps that are the same for every painting. `ends`: of the ramp, as
+// powers of two; `words` of its ends; `shown`: a number in words.
+export const QUALITY = {
+  sigma: { label: "Uncertainty of the normal", ends: [0.1, 10].map(value => Math.log2(value * RADIANS)), words: ["0.1°", "10°"], shown: value => `${(value / RADIANS).toPrecision(2)}°` },
+  residual: { label: "Residual", ends: [0.001, 0.1].map(Math.log2), words: ["0.1 % of white", "10 %"], shown: value => `${(100 * value).toPrecision(2)} % of white` },
+};
+
 export function firstState(doc) {
   return {
     ...anglesOf(doc.light),
@@ -21,6 +28,7 @@ export function firstState(doc) {
     illuminant: doc.colours.illuminants[0].name,
     adaptation: null,
     exposure: 0,
+    clipped: false, // whether colours that the display cannot show are marked
     layer: "picture",
     matte: true,
     gloss: true,
@@ -48,6 +56,7 @@ export function textOfState(state, doc) {
   if (state.illuminant !== first.illuminant) add("illuminant", encodeURIComponent(state.illuminant));
   if (state.adaptation !== null) add("d", short(state.adaptation, 3));
   if (state.exposure) add("ev", short(state.exposure));
+  if (state.clipped) add("clipped", "1");
   if (state.layer !== "picture") add("layer", state.layer);
   const off = ["matte", "gloss", "ambient"].filter(name => !state[name]);
   if (off.length) add("off", off.join(","));
@@ -80,6 +89,7 @@ export function stateOfText(text, doc) {
   state.illuminant = one("illuminant", doc.colours.illuminants.map(light => light.name), state.illuminant);
   if (doc.colours.adaptation) state.adaptation = numbers("d", [[0, 1]])?.[0] ?? null;
   state.exposure = numbers("ev", [[-4, 4]])?.[0] ?? 0;
+  state.clipped = given.get("clipped") === "1";
   state.layer = one("layer", layersOf(doc).map(layer => layer.name), "picture");
   for (const name of (given.get("off") ?? "").split(",")) if (["matte", "gloss", "ambient"].includes(name)) state[name] = false;
   state.varnish = one("varnish", doc.colours.varnishes.map(coat => coat.name), "none");
@@ -106,6 +116,7 @@ export function layersOf(doc) {
     { name: "normals", label: "Normals" },
     ...(doc.lobes.length ? [{ name: "width", label: "Gloss: width" }, { name: "strength", label: "Gloss: strength" }] : []),
     ...(doc.relief ? [{ name: "height", label: "Height" }] : []),
+    ...doc.quality.map(name => ({ name, ...QUALITY[name] })),
     { name: "status", label: "Status" },
   ];
 }

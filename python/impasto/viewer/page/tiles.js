@@ -23,8 +23,7 @@ export function scriptSource(folder) {
   return {
     tile: name => load(`tiles/${name}`).then(decompressed),
     // An image from a file would not be readable by WebGL: a page from a disk has no origin.
-    photograph: number => load(`photographs/${number}`)
-      .then(bytes => createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" })),
+    photograph: number => load(`photographs/${number}`).then(pictureOf),
   };
 }
 
@@ -34,7 +33,11 @@ function bytesOf(data) {
   return bytes;
 }
 
-async function decompressed(bytes) {
+// The codes of a PNG as they are.
+export const pictureOf = bytes =>
+  createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+
+export async function decompressed(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")).getReader();
   const parts = [];
   for (let size = 0; ;) {

@@ -21,7 +21,7 @@ export function pixelValues(doc, buffer, size, column, row) {
     strength: many(`strength${number}_`, lobe.tinted ? doc.coefficients : 1),
     shape: shapeNames(doc).map(name => read(name + number)),
   })).filter(lobe => lobe.strength.some(value => value !== 0));
-  return { status, shown, normal, ...anglesOf(normal), diffuse, lobes, height: doc.relief ? read("height") : null };
+  return { status, shown, normal, ...anglesOf(normal), diffuse, lobes, height: doc.relief ? read("height") : null, quality: Object.fromEntries(doc.quality.map(name => [name, read(name)])) };
 }
 
 // The 1st and 99th percentile of what layers show on ramps, and the statuses that there are, of a tile.
