@@ -142,7 +142,7 @@ def _write_tiff(path: Path, light: NDArray[np.float64]) -> None:
     tifffile.imwrite(path, codes, photometric="rgb")
 
 
-def interrupted_job(stack: impasto.Stack, out: str) -> None:
+def interrupted_job(photographs: str, out: str) -> None:
     """A job that Ctrl-C ends after its first tile."""
 
     def interrupt(done: int, total: int) -> None:
@@ -150,7 +150,10 @@ def interrupted_job(stack: impasto.Stack, out: str) -> None:
             raise KeyboardInterrupt
 
     try:
-        impasto.run(stack, out, pooling="none", tile=32, progress=interrupt)
+        reading = {"dark": 1024, "saturation": 65520}
+        impasto.run(
+            photographs, out, pooling="none", tile=32, reading=reading, progress=interrupt
+        )
     except KeyboardInterrupt:
         return
     raise AssertionError(f"the job was not interrupted: {jobs.status(out)}")
