@@ -1,7 +1,7 @@
 """Files that recipes of docs/how-to.md start from and that a reader brings: small, and simulated.
 
-Balls, chart and the relief of the lamps without a ball are the plain numpy of ``oracles``; RAW files
-are written from the specification of DNG.
+Balls and chart are the plain numpy of ``oracles``; RAW files are written from the specification of
+DNG.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import impasto
 from impasto import jobs, simulate
 from impasto.calibrate.chart import GRID, chart_reflectances
 from impasto.colour import spectrum
-from impasto.io import write_jpeg, write_lights, write_png8, write_png16, write_stack
-from oracles import colour_chart, matte_relief, mirror_ball
+from impasto.io import write_jpeg, write_lights, write_png8, write_stack
+from oracles import colour_chart, mirror_ball
 from raw_files import mosaic_of, write_dng
 
 GAMMA = 1.8
@@ -39,7 +39,6 @@ def write_files(folder: Path) -> None:
     """All files that the page names and does not make itself."""
     _from_a_camera(folder)
     _balls(folder / "with-balls")
-    _without_balls(folder / "without-balls")
     _chart(folder / "chart.tif")
     write_stack(folder / "gilded.npz", gilded())
     write_stack(folder / "matte.npz", matte())
@@ -55,7 +54,7 @@ def directions(count: int) -> NDArray[np.float64]:
 
 
 def gilded() -> impasto.Stack:
-    """Blue paint with a patch of gold leaf, whose lobe is yellow and whose diffuse part is small."""
+    """Blue paint with a patch of gold leaf: a yellow lobe and hardly a diffuse part."""
     painting = simulate.painting(5, (32, 44), varnish=None, glazes=False)
     diffuse = painting.reflectance_in(simulate.camera("rgb"))
     strength = np.zeros((1, *diffuse.shape), np.float32)
@@ -106,17 +105,6 @@ def _balls(folder: Path) -> None:
                 np.array([x, -45.0, BALL]), BALL, [1e5 * lamp], size, glow=2.5, ground=picture
             )
         _write_tiff(folder / f"light{number + 1}.tif", np.repeat(picture[None], 3, axis=0))
-
-
-def _without_balls(folder: Path) -> None:
-    """A matte relief under ten lamps that stand at six widths of the picture."""
-    folder.mkdir()
-    light = matte_relief.photographs(
-        matte_relief.lamps(10, seed=3), inverse_distance=1 / 6
-    )
-    for number, picture in enumerate(0.9 * light / light.max()):
-        codes = np.rint(65535.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint16)
-        write_png16(folder / f"light{number + 1:02}.png", np.repeat(codes[..., None], 3, axis=2))
 
 
 def _chart(path: Path) -> None:

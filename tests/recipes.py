@@ -1,6 +1,6 @@
 """Runs the recipes of docs/how-to.md: Python as Sybil finds it, and every line of a console.
 
-Blocks of MyST's ``{code-block}`` are not run: what they need (a browser, Blender, a compiler, hours)
+Blocks of MyST's ``{code-block}`` are not run: what they need (a browser, Blender, a compiler, time)
 is not everywhere. Their lines of ``impasto`` are parsed, so that no option is there that is not.
 """
 
