@@ -11,7 +11,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 import impasto
@@ -162,7 +161,9 @@ def recipes_of_the_page() -> None:
             os.chdir(before)
         sheets = how_to.pictures(folder, found)
         if chromium.PROGRAM is None:
-            sys.stderr.write("docs/pictures.py: without chromium its two pictures stay as they are\n")
+            sys.stderr.write(
+                "docs/pictures.py: without chromium its two pictures stay as they are\n"
+            )
         else:
             sheets |= seen_in_a_browser(folder, found["sbrdf"])
     for name, sheet in sheets.items():

@@ -59,7 +59,7 @@ def gilded() -> impasto.Stack:
     diffuse = painting.reflectance_in(simulate.camera("rgb"))
     strength = np.zeros((1, *diffuse.shape), np.float32)
     diffuse[(slice(None), *GILDED)] = 0.03
-    strength[(0, slice(None), *GILDED)] = np.array([2.0, 1.5, 0.7])[:, None, None]
+    strength[(0, slice(None), *GILDED)] = np.array([6.0, 4.5, 2.0])[:, None, None]
     gold = impasto.Surface.torrance_sparrow(painting.normal, diffuse, strength, np.array([0.2]))
     lamps = directions(DENSE)
     return impasto.Stack(gold.predict(lamps), lights=lamps, bands=("red", "green", "blue"))
@@ -139,9 +139,7 @@ def interrupted_job(photographs: str, out: str) -> None:
 
     try:
         reading = {"dark": 1024, "saturation": 65520}
-        impasto.run(
-            photographs, out, pooling="none", tile=32, reading=reading, progress=interrupt
-        )
+        impasto.run(photographs, out, pooling="none", tile=32, reading=reading, progress=interrupt)
     except KeyboardInterrupt:
         return
     raise AssertionError(f"the job was not interrupted: {jobs.status(out)}")

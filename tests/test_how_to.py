@@ -112,24 +112,27 @@ def test_the_fits_of_the_table_are_fits(ran: Ran) -> None:
         assert eval(code, {"impasto": impasto, **small}).normal.shape == (3, 8, 10)
 
 
+def flat(height: np.ndarray) -> np.ndarray:
+    """Heights over the plane of least squares through them."""
+    y, x = np.mgrid[:ROWS, :ROWS]
+    plane = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
+    return height.ravel() - plane @ np.linalg.lstsq(plane, height.ravel(), rcond=None)[0]
+
+
 @pytest.mark.slow
 def test_spectrum_and_height_are_those_of_the_painting(ran: Ran, truth: simulate.Painting) -> None:
     """`impasto demo` prints a spectral RMSE of 0.0084 for this painting; three times that here.
 
     Heights come from slopes at the middles of pixels, which know nothing of a step between two of
-    them: the edges of strokes are lost, and all that is right is that hills are hills. With a
-    correlation of 0.95 a twentieth of the variance each of both is of something else.
+    them, at the edges of strokes: integrals of the true normals have a correlation of 0.983 with
+    the true height. Twice what that lacks is granted.
     """
     nanometres, measured = np.loadtxt(ran.folder / "spectrum.csv", delimiter=",").T
     # The simulation has a spectrum every 5 nm or so, of which the fit's are some.
     own = np.interp(nanometres, simulate.pigments.WAVELENGTHS, truth.spectrum(30, 40))
     assert np.sqrt(np.mean((measured - own) ** 2)) < 3 * 0.0084
-    true = truth.height - truth.height.mean()
-    y, x = np.mgrid[:ROWS, :ROWS]
-    plane = np.stack([x, y, np.ones_like(x)]).reshape(3, -1).T
-    true = true - (plane @ np.linalg.lstsq(plane, true.ravel(), rcond=None)[0]).reshape(true.shape)
     for height in (tifffile.imread(ran.folder / "height.tif"), ran.names["height"]):
-        assert np.corrcoef(height.ravel(), true.ravel())[0, 1] > 0.95
+        assert np.corrcoef(flat(height), flat(truth.height))[0, 1] > 0.966
 
 
 @pytest.mark.slow
@@ -161,7 +164,10 @@ def test_the_lines_for_blender_run_in_blender(ran: Ran) -> None:
     script = "import numpy\nnumpy.bool = bool\n" + code
     (ran.folder / "blender.py").write_text(script, encoding="utf-8")
     words = [program, "-b", "--factory-startup", "--python", "blender.py"]
-    said = subprocess.run(words, cwd=ran.folder, capture_output=True, text=True, check=True).stdout
+    said = subprocess.run(
+        words, cwd=ran.folder, env=os.environ | {"PWD": str(ran.folder)},
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
     match = re.search(r"<Vector \(([\d.e-]+), ([\d.e-]+), ([\d.e-]+)\)>", said)
     assert match is not None, said
     # Printed with four digits; the mesh goes to the middles of the outer pixels or to their edges.

@@ -53,7 +53,7 @@ def pictures(folder: Path, names: Mapping[str, Any]) -> dict[str, Picture]:
         "gilding": contact_sheet(gilding(names), columns=3, width=300),
         "lobe": narrowed(read(folder / "lobe.png")),
         "candle": narrowed(read(folder / "candle.png"), 420),
-        "raking": contact_sheet(raking(folder / "raking.gif"), columns=3, width=190),
+        "raking": contact_sheet(raking(folder / "raking.gif"), columns=3, width=150),
         "height": contact_sheet(
             [ramp_panel(names["height"], "Height", unit="mm")], columns=1, width=420
         ),
@@ -63,12 +63,12 @@ def pictures(folder: Path, names: Mapping[str, Any]) -> dict[str, Picture]:
 def gilding(names: Mapping[str, Any]) -> list[Panel]:
     """The gilded painting, where its lobes are coloured, and how wide they are."""
     leaf, gold = names["leaf"], names["gold"]
-    light = Scene([DistantLight((0.1, 0.2, 0.97))], background=background(), exposure=0.6)
+    light = Scene([DistantLight((0.1, 0.2, 0.97))], background=background(), exposure=0.5)
     width = np.where(leaf.lobes > 0, np.degrees(leaf.gamma[0]), np.nan)
     return [
         Panel("Lit from the front", impasto.render(leaf, light).display),
         Panel("Coloured lobes", np.repeat(np.uint8(40 + 190 * gold)[..., None], 3, axis=2)),
-        ramp_panel(width, "Width of the lobes", unit="degrees", low=0.0),
+        ramp_panel(width, "Width of the lobes", unit="degrees", low=0.0, high=20.0),
     ]
 
 
