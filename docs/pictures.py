@@ -171,7 +171,7 @@ def recipes_of_the_page() -> None:
 
 
 def seen_in_a_browser(folder: Path, sbrdf: impasto.Sbrdf) -> dict[str, Picture]:
-    """The exported web page in raking light, and what a notebook shows."""
+    """The exported web page, and what a notebook shows."""
     cell = folder / "cell.html"
     cell.write_text(
         "<!doctype html><html data-ready='yes'><meta charset='utf-8'>"
@@ -179,15 +179,13 @@ def seen_in_a_browser(folder: Path, sbrdf: impasto.Sbrdf) -> dict[str, Picture]:
         encoding="utf-8",
     )
     found = {}
-    shots = {"page": (folder / "page" / "index.html", (1100, 680)), "notebook": (cell, (720, 330))}
+    shots = {"page": (folder / "page" / "index.html", (1100, 680)), "notebook": (cell, (600, 460))}
     for name, (page, size) in shots.items():
         with chromium.Chromium(folder / f"profile-{name}", size=size) as browser:
             browser.open(page.as_uri())
-            if name == "page":
-                browser.key("r")
-                browser.value("new Promise(done => setTimeout(done, 3000))")
+            browser.value("new Promise(done => setTimeout(done, 2000))")  # all tiles are there
             browser.screenshot(folder / f"{name}.png")
-        found[name] = how_to.narrowed(how_to.read(folder / f"{name}.png"))
+        found[name] = how_to.narrowed(how_to.read(folder / f"{name}.png"), 600)
     return found
 
 

@@ -63,11 +63,11 @@ def pictures(folder: Path, names: Mapping[str, Any]) -> dict[str, Picture]:
 def gilding(names: Mapping[str, Any]) -> list[Panel]:
     """The gilded painting, where its lobes are coloured, and how wide they are."""
     leaf, gold = names["leaf"], names["gold"]
-    light = Scene([DistantLight((0.1, 0.2, 0.97))], background=background(), exposure=0.5)
+    light = Scene([DistantLight((0.0, 0.1, 0.99))], background=background(), exposure=0.8)
     width = np.where(leaf.lobes > 0, np.degrees(leaf.gamma[0]), np.nan)
     return [
         Panel("Lit from the front", impasto.render(leaf, light).display),
-        Panel("Coloured lobes", np.repeat(np.uint8(40 + 190 * gold)[..., None], 3, axis=2)),
+        Panel("Coloured lobes", np.repeat((40 + 190 * gold).astype(np.uint8)[..., None], 3, axis=2)),
         ramp_panel(width, "Width of the lobes", unit="degrees", low=0.0, high=20.0),
     ]
 
