@@ -67,7 +67,9 @@ def gilding(names: Mapping[str, Any]) -> list[Panel]:
     width = np.where(leaf.lobes > 0, np.degrees(leaf.gamma[0]), np.nan)
     return [
         Panel("Lit from the front", impasto.render(leaf, light).display),
-        Panel("Coloured lobes", np.repeat((40 + 190 * gold).astype(np.uint8)[..., None], 3, axis=2)),
+        Panel(
+            "Coloured lobes", np.repeat((40 + 190 * gold).astype(np.uint8)[..., None], 3, axis=2)
+        ),
         ramp_panel(width, "Width of the lobes", unit="degrees", low=0.0, high=20.0),
     ]
 
