@@ -6,15 +6,15 @@ real icon; nothing is drawn by hand.
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 import impasto
-from gallery import icon, painting
+from gallery import how_to, icon, painting
 from impasto import simulate
 from impasto.cli import main
 from impasto.io import write_jpeg
@@ -22,30 +22,27 @@ from impasto.matching import Experiment, analyse, stimuli
 from impasto.pictures import Panel, Picture, contact_sheet, fitted
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+import chromium
 import cleaned_painting
+import recipe_files
+import recipes
 
 HERE = Path(__file__).parent / "_static"
 LARGEST = 300_000
 """Bytes: a picture of a page should not be larger."""
+SMALL = 40_000
+"""Bytes of a picture of how-to.md, which has many."""
 
 
-def picture(path: Path) -> Picture:
-    """8-bit RGB of a file of 8 or 16 bits."""
-    codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    assert codes is not None
-    if codes.dtype == np.uint16:
-        codes = np.rint(codes / 257.0).astype(np.uint8)
-    return np.ascontiguousarray(codes[..., ::-1])
-
-
-def save(name: str, sheet: Picture) -> None:
+def save(name: str, sheet: Picture, largest: int = LARGEST) -> None:
     """As JPEG, in the best quality that is small enough."""
     path = HERE / f"{name}.jpg"
+    path.parent.mkdir(exist_ok=True)
     for quality in (92, 88, 84, 80, 75, 70):
         write_jpeg(path, sheet, quality=quality)
-        if path.stat().st_size < LARGEST:
+        if path.stat().st_size < largest:
             return
-    raise SystemExit(f"{path} is larger than {LARGEST} bytes")
+    raise SystemExit(f"{path} is larger than {largest} bytes")
 
 
 def relit(demo: Path) -> Picture:
@@ -56,7 +53,7 @@ def relit(demo: Path) -> Picture:
         ("raking", "Raking light", "shadows cast"),
         ("lamp", "Incandescent lamp", "eye adapted to 0.56"),
     )
-    panels = [Panel(title, picture(demo / f"{name}.png"), note) for name, title, note in shown]
+    panels = [Panel(title, how_to.read(demo / f"{name}.png"), note) for name, title, note in shown]
     return contact_sheet(panels, columns=4, width=360)
 
 
@@ -71,7 +68,7 @@ def lobes() -> None:
 def pictures(demo: Path) -> None:
     """Pictures of what `impasto demo` left in a folder."""
     save("relit", relit(demo))
-    sheet = picture(demo / "overview.jpg")
+    sheet = how_to.read(demo / "overview.jpg")
     width = 1400
     save("overview", fitted(sheet, width, round(width * sheet.shape[0] / sheet.shape[1])))
 
@@ -152,6 +149,46 @@ def matched() -> None:
         save("matching", analyse(sorted(Path(folder).glob("*.jsonl"))).picture())
 
 
+def recipes_of_the_page() -> None:
+    """What the recipes of how-to.md make, of a painting that is larger than in their test."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, before = Path(name), Path.cwd()
+        recipe_files.write_files(folder)
+        os.chdir(folder)
+        try:
+            found = recipes.run(size=320).namespace
+        finally:
+            os.chdir(before)
+        sheets = how_to.pictures(folder, found)
+        if chromium.PROGRAM is None:
+            sys.stderr.write(
+                "docs/pictures.py: without chromium its two pictures stay as they are\n"
+            )
+        else:
+            sheets |= seen_in_a_browser(folder, found["sbrdf"])
+    for name, sheet in sheets.items():
+        save(f"how-to/{name}", sheet, SMALL)
+
+
+def seen_in_a_browser(folder: Path, sbrdf: impasto.Sbrdf) -> dict[str, Picture]:
+    """The exported web page, and what a notebook shows."""
+    cell = folder / "cell.html"
+    cell.write_text(
+        "<!doctype html><html data-ready='yes'><meta charset='utf-8'>"
+        f"<body style='font: 14px sans-serif; margin: 16px'>{sbrdf._repr_html_()}",
+        encoding="utf-8",
+    )
+    found = {}
+    shots = {"page": (folder / "page" / "index.html", (1100, 680)), "notebook": (cell, (600, 460))}
+    for name, (page, size) in shots.items():
+        with chromium.Chromium(folder / f"profile-{name}", size=size) as browser:
+            browser.open(page.as_uri())
+            browser.value("new Promise(done => setTimeout(done, 2000))")  # all tiles are there
+            browser.screenshot(folder / f"{name}.png")
+        found[name] = how_to.narrowed(how_to.read(folder / f"{name}.png"), 600)
+    return found
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "demo"
@@ -159,6 +196,7 @@ if __name__ == "__main__":
             raise SystemExit("impasto demo failed")
         pictures(out)
     lobes()
+    recipes_of_the_page()
     compared()
     matched()
     gallery_of_the_painting()

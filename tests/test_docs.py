@@ -21,8 +21,10 @@ MARKDOWN = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 PAGES = [
     page
     for page in MARKDOWN
-    # tests/test_rehearsal.py runs the tutorials, on the sessions that it rehearses.
-    if "```python" in page.read_text(encoding="utf-8") and not page.stem.startswith("tutorial-")
+    # tests/test_rehearsal.py runs the tutorials, on the sessions that it rehearses, and
+    # tests/test_how_to.py the recipes, on files of the kinds that they name.
+    if "```python" in page.read_text(encoding="utf-8")
+    and not page.stem.startswith(("tutorial-", "how-to"))
 ]
 REFERENCE = "\n".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("api*.md")))
 MODULES = re.findall(r"automodule:: ([\w.]+)", REFERENCE)

@@ -58,7 +58,7 @@ from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.study.suggestion import Suggestion, suggest_effort
-from impasto.surface import Surface
+from impasto.surface import Relightable, Surface
 from impasto.training import Training
 from impasto.varnish import Varnish
 
@@ -98,6 +98,7 @@ __all__ = [
     "PointView",
     "PooledSbrdf",
     "Reflectance",
+    "Relightable",
     "ResumeMismatchError",
     "Rig",
     "RigRefinement",
