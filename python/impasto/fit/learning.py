@@ -239,7 +239,9 @@ class LearnedModel:
             "method": self.method or "",
             "lobes": self.lobes,
         }
-        arrays |= {f"effort.{name}": value for name, value in asdict(self.effort).items()}
+        # What is None there stands for another entry, also when the file is read.
+        effort = {name: value for name, value in asdict(self.effort).items() if value is not None}
+        arrays |= {f"effort.{name}": value for name, value in effort.items()}
         arrays |= {f"fit.{name}": array for name, array in _fit_arrays(self.fit).items()}
         arrays |= {} if self.chosen is None else self.chosen.arrays()
         arrays |= {} if self.residuals is None else arrays_of(self.residuals, "residuals.")
