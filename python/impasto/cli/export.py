@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter
+from rich.markup import escape
 
 from impasto._internal.checks import length_mm
 from impasto.cli import console
@@ -187,11 +188,10 @@ def web(
     quiet
         No progress, only errors.
     """
-    from importlib import import_module
-
     import impasto
     from impasto.cli.maps import load_result
     from impasto.io.results import result_file
+    from impasto.viewer import write_site
 
     stages = Stages(quiet=quiet)
     if pitch is not None:
@@ -202,7 +202,7 @@ def web(
         (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(result)
     )
     with stages.warned(), stages.stage("web page") as stage:
-        import_module("impasto.viewer").write_site(
+        write_site(
             painting,
             out,
             reflectance=reflectance,
@@ -211,6 +211,7 @@ def web(
             progress=stage.advance,
         )
         stage.note = str(out)
+    stages.say(f"  {'':14}[dim]open {escape(str(out / 'index.html'))} in a browser[/]")
 
 
 def _export(
@@ -218,18 +219,24 @@ def _export(
 ) -> None:
     """Load the part of a result, write it and report what is lost."""
     from impasto import export
-    from impasto.cli.scale import shown
+    from impasto.cli.scale import scale_of, shown
 
     common = common or Common()
     stages = Stages(quiet=common.quiet)
     if common.pitch is not None:
         length_mm(common.pitch, "pitch_mm")
-    part = shown(result, common.region, common.width, 1)
-    if part.in_parts or part.reduce != 1:
+    if common.width is not None and common.region is not None:
+        raise CycloptsError(msg="--region is a detail, --width a smaller scale: give one of them")
+    if common.width is None:
+        part = shown(result, common.region, None, 1)
+    else:
+        part = scale_of(result, common.width)
+    if part.in_parts:
         rows, columns = part.surface.shape
         raise ArgumentError(
-            f"--width: {result} ({columns} x {rows} pixels) is exported whole, or at a scale that "
-            "its .zarr holds, of 16 million pixels at most; give --region for a detail"
+            f"--width: {result} ({columns} x {rows} pixels) is too large to be exported whole; "
+            "give the columns of a scale that it holds, of 16 million pixels at most, or --region "
+            "for a detail"
         )
     with stages.warned(), stages.stage(format_) as stage:
         report = export.to(

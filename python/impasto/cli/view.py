@@ -27,8 +27,8 @@ def view(
 ) -> int:
     """Show a fitted painting in the browser: drag the light over it.
 
-    The page is served on this machine alone; Ctrl-C ends it. impasto.viewer.write_site writes the
-    same page as a folder to hand on.
+    The page is served on this machine alone; Ctrl-C ends it. impasto export web writes the same
+    page as a folder to hand on.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def view(
             painting,
             reflectance=reflectance,
             stack=stack,
-            title=result.name if title is None else title,
+            title=result.resolve().name if title is None else title,
             pitch_mm=pitch,
             threads=threads,
         )

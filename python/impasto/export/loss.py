@@ -159,13 +159,8 @@ def direction(azimuth: float, elevation: float) -> Direction:
 
 
 def sampled(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Flat numbers of about :data:`_SAMPLED` known pixels, evenly spread.
-
-    Raises nothing where no pixel is known: pixel 0 stands in.
-    """
+    """Flat numbers of about :data:`_SAMPLED` known pixels, evenly spread."""
     every = np.flatnonzero(known)
-    if not every.size:
-        return np.zeros(1, np.intp)
     # A step that shares no factor with the columns visits all of them.
     step = max(1, every.size // _SAMPLED)
     while step > 1 and math.gcd(step, known.shape[1]) > 1:
