@@ -43,6 +43,8 @@ class Check:
 def grid_name(effort: Effort) -> str:
     """The name of an effort on the grid that presets are chosen from."""
     steps = f"{counted(effort.rounds, 'round')}, {counted(effort.iterations, 'step')}"
+    if effort.colour_iterations is not None:
+        steps += f", {effort.colour_iterations} in colour"
     start = "" if effort.start == "multistart" else f", {effort.start}"
     precision = "" if effort.precision == "single" else f", {effort.precision}"
     return steps + start + precision

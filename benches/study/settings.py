@@ -155,6 +155,13 @@ def _efforts() -> Iterator[Setting]:
             for iterations in (1, 2, 3, 4, 6, 10, 30):
                 effort = Effort(rounds=rounds, iterations=iterations, start=start)
                 yield _sbrdf("effort", grid_name(effort), ONE_VIEW, **PER_PIXEL, effort=effort)
+        for rounds, iterations in ((1, 3), (1, 4), (1, 6), (2, 4), (2, 6), (2, 10)):
+            for colour in (1, 2, 3):
+                if colour < iterations:
+                    effort = Effort(
+                        rounds=rounds, iterations=iterations, colour_iterations=colour, start=start
+                    )
+                    yield _sbrdf("effort", grid_name(effort), ONE_VIEW, **PER_PIXEL, effort=effort)
     for precision in get_args(Precision):
         effort = Effort(precision=precision)
         yield _sbrdf("precision", precision, ONE_VIEW, **PER_PIXEL, effort=effort)

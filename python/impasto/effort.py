@@ -40,8 +40,8 @@ class Effort:
     colour_iterations
         The same of each search on all bands, in each round; default: as many. Few are enough to
         predict photographs: parameters that the samples hardly determine are better left near their
-        start. Normals gain from more steps. With ten of both, all but one pixel in a thousand of a simulated painting
-        converge, and all but four in a hundred of a gilded icon.
+        start. Normals gain from more steps. With ten of both, all but one pixel in a thousand of a
+        simulated painting converge, and all but four in a hundred of a gilded icon.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth

@@ -53,7 +53,7 @@ def lights_from_panel(
     Parameters
     ----------
     patches
-        :func:`~impasto.calibrate.uncalibrated.patches.read_patches`: of eight photographs or more.
+        :func:`impasto.calibrate.read_patches`: of eight photographs or more.
     strengths
         ``(lamp,)`` or ``(lamp, band)`` of the lamps on the painting, as a white board shows them
         (:func:`impasto.calibrate.board_strengths`); default: all are equal.

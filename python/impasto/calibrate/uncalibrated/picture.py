@@ -25,7 +25,7 @@ def panel_lights_picture(
     Parameters
     ----------
     found
-        What :func:`~impasto.calibrate.uncalibrated.estimate.lights_from_panel` returned.
+        What :func:`impasto.calibrate.lights_from_panel` returned.
     photographs
         ``(band, y, x)`` linear light of some lamps that are known, by number from 0.
     """

@@ -32,7 +32,7 @@ class PanelLights:
     unevenness
         Standard deviation of the strengths that lamps seem to have.
     curl, mirrored_curl
-        Of the relief, and of its mirror image (:class:`PanelFrame`).
+        Of the relief, and of its mirror image.
     side
         Rise of the light towards the lamps by the inverse square law, in its standard deviations.
     given
