@@ -88,7 +88,7 @@ def run(
     no_browser
         Print the address of the page only.
     """
-    from impasto.cli.maps import load_result
+    from impasto.cli.maps import load_result, name_of
     from impasto.colour import as_display
     from impasto.matching import Experiment, MatchingServer, stimuli
 
@@ -104,8 +104,8 @@ def run(
         )  # fmt: skip
         stage.note = f"{len(shown.degrees)} degrees"
     experiment = Experiment(
-        shown, log, observer=observer, painting=painting or result.stem, trials=trials, seed=seed,
-        adapt_seconds=adapt_seconds,
+        shown, log, observer=observer, painting=painting or name_of(result), trials=trials,
+        seed=seed, adapt_seconds=adapt_seconds,
     )  # fmt: skip
     try:
         done = f"{experiment.trial} of {experiment.log.trials} matches are made"

@@ -173,7 +173,7 @@ def web(
     /,
     *,
     out: Folder,
-    title: str = "",
+    title: str | None = None,
     pitch: float | None = None,
     quiet: Flag = False,
 ) -> None:
@@ -182,14 +182,14 @@ def web(
     Parameters
     ----------
     title
-        Above the page.
+        Above the page; default: the name of the result.
     pitch
         Width of a pixel in mm, if the result does not contain it.
     quiet
         No progress, only errors.
     """
     import impasto
-    from impasto.cli.maps import load_result
+    from impasto.cli.maps import load_result, name_of
     from impasto.io.results import result_file
     from impasto.viewer import write_site
 
@@ -206,7 +206,7 @@ def web(
             painting,
             out,
             reflectance=reflectance,
-            title=title,
+            title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             progress=stage.advance,
         )
@@ -219,6 +219,7 @@ def _export(
 ) -> None:
     """Load the part of a result, write it and report what is lost."""
     from impasto import export
+    from impasto.cli.maps import name_of
     from impasto.cli.scale import scale_of, shown
 
     common = common or Common()
@@ -245,7 +246,7 @@ def _export(
             out,
             reflectance=part.reflectance,
             pitch_mm=None if common.pitch is None else part.factor * common.pitch,
-            name=result.resolve().stem,
+            name=name_of(result),
             **options,
         )
         stage.note = f"{out}: {report.summary}"

@@ -53,7 +53,7 @@ def view(
         Default: every core.
     """
     import impasto
-    from impasto.cli.maps import load_result
+    from impasto.cli.maps import load_result, name_of
     from impasto.io.results import result_file
     from impasto.viewer import Contents, ViewServer
 
@@ -82,7 +82,7 @@ def view(
             painting,
             reflectance=reflectance,
             stack=stack,
-            title=result.resolve().name if title is None else title,
+            title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             threads=threads,
         )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from impasto.colour import delta_e, icc_profile
 from impasto.errors import ArgumentError
 from impasto.export.folder import export_folder
-from impasto.export.loss import REPORT, LossReport, seen, written
+from impasto.export.loss import REPORT, LossReport, percentiles, seen, written
 from impasto.export.source import Source
 from impasto.export.textures import decoded_srgb
 from impasto.image import Image
@@ -154,7 +154,7 @@ def _report(image: Image, folder: Path, files: list[Path], url: str | None) -> L
     meant = np.clip(image.linear, 0.0, 1.0).reshape(3, -1)
     step = max(1, meant.shape[1] // 20_000)
     difference = delta_e(seen(meant[:, ::step]), seen(decoded_srgb(stored[:, ::step])))
-    p50, p95, p99 = (float(one) for one in np.percentile(difference, (50, 95, 99)))
+    p50, p95, p99 = percentiles(difference)
     lost = ["every light and view but this one"]
     if url is None:
         lost.append("where it is served: replace the id in info.json, or give its URL")
