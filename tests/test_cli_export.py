@@ -76,6 +76,11 @@ def test_wrong_uses(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "--pitch" in complaint([*export, str(tmp_path / "a"), "--pitch", "-1"], 1, capsys)
     words = ["export", "gltf", str(result), "--out", str(tmp_path / "a.obj")]
     assert "--out" in complaint(words, 1, capsys)
+    web = ["export", "web", str(result), "--out", str(tmp_path)]
+    assert complaint(web, 1, capsys).startswith("impasto: --out:")
+    iiif = ["export", "iiif", str(result), "--out", str(tmp_path / "a")]
+    assert "--quality" in complaint([*iiif, "--quality", "0"], 1, capsys)
+    assert "--url" in complaint([*iiif, "--url", "museum"], 1, capsys)
     missing = str(tmp_path / "none")
     assert "does not exist" in complaint(["export", "ptm", missing, "--out", "a.ptm"], 1, capsys)
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
@@ -104,3 +109,32 @@ def test_an_old_file_is_described_shown_and_made_photographs(
     assert "--out" in complaint(words, 1, capsys)
     old.write_bytes(old.read_bytes()[:200])
     assert "truncated" in complaint(["info", str(old)], 3, capsys)
+
+
+def test_a_smaller_scale_has_the_columns_that_were_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a store; any other width is refused with those that there are, and so is one of a file."""
+    from impasto import jobs
+    from killed_jobs import OPTIONS, stack
+
+    store = tmp_path / "a.impasto.zarr"
+    jobs.run(stack((60, 128)), store, **OPTIONS)
+    out = tmp_path / "a.exr"
+    export = ["export", "height", str(store), "--out", str(out), "--quiet"]
+    for width, rows in (("128", 60), ("64", 30)):
+        assert main([*export, "--width", width]) == 0
+        assert read_image(out).shape == (1, rows, int(width))
+    said = complaint([*export, "--width", "100"], 1, capsys)
+    assert "(128, 64" in said
+    assert "found 100" in said
+    both = complaint([*export, "--width", "64", "--region", "0", "0", "4", "4"], 2, capsys)
+    assert "one of them" in both
+
+
+def test_a_file_has_one_scale(
+    result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", "ptm", str(result), "--out", str(tmp_path / "a.ptm"), "--width", "12"]
+    assert "has no smaller scale" in complaint(words, 1, capsys)
+    assert list(tmp_path.iterdir()) == []

@@ -125,6 +125,7 @@ def test_a_result_compared_with_itself_has_not_changed(cleaned: Cleaned) -> None
     assert one.compared == {"tested": SIZE[0] * SIZE[1]}
     assert float(np.nanmax(maps_of(one).angle)) < 1e-6
     assert float(np.nanmax(maps_of(one).delta_e)) < 1e-6
+    assert "e-" not in str(one)  # rounding is shown as 0
 
 
 def test_a_global_gain_is_a_change_unless_exposures_are_matched(cleaned: Cleaned) -> None:
@@ -387,6 +388,19 @@ def test_photographs_are_fitted_first(tmp_path: Path, capsys: pytest.CaptureFixt
     # A quarter less light: darker everywhere, with the same relief (degrees).
     assert rows["colour"]["significant"] > 0.9
     assert rows["normal"]["median"] < 0.05
+
+
+def test_a_folder_of_something_else_is_refused_before_anything_is_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "letter.txt").write_text("dear")
+    photographs = tmp_path / "photographs"
+    photographs.mkdir()
+    (photographs / "lights.lp").write_text("0\n")
+    monkeypatch.setattr(impasto, "read_stack", lambda *_: pytest.fail("photographs were read"))
+    assert main(["compare", *[str(photographs)] * 2, "--out", str(tmp_path / "out")]) == 1
+    assert "files of other programs" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

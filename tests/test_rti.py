@@ -194,7 +194,7 @@ def test_a_damaged_ptm_is_refused(old: bytes, new: bytes, problem: str, tmp_path
         (b"#HSH1.2", b"HSH1.2", "is no RTI file"),
         (b"\n3\n", b"\n4\n", "RTI type 4"),
         (b"7 5 3", b"7 9 3", "truncated"),
-        (b"9 2 1", b"16 2 1", "terms"),
+        (b"9 2 1", b"16 2 1", "holds 16 hemispherical"),
         (b"9 2 1", b"9 1 1", "colour type 1"),
     ],
 )
@@ -202,8 +202,9 @@ def test_a_damaged_rti_is_refused(old: bytes, new: bytes, problem: str, tmp_path
     path = tmp_path / "a.rti"
     write_rti(path, relightable("hsh"))
     path.write_bytes(path.read_bytes().replace(old, new, 1))
-    with pytest.raises((CorruptInputError, ArgumentError), match=problem):
+    with pytest.raises((CorruptInputError, ArgumentError), match=problem) as error:
         read_relightable(path)
+    assert str(path) in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -215,14 +216,26 @@ def test_a_damaged_rti_is_refused(old: bytes, new: bytes, problem: str, tmp_path
         ("width", 9, "expected 3"),
         ("materials", [], "cannot be read"),
         ("format", "../x", "are not read"),
+        ("type", "ptm", "ptm has 6, found 9"),
     ],
 )
 def test_a_damaged_folder_is_refused(key: str, value: Any, problem: str, tmp_path: Path) -> None:
     write_relight(tmp_path, relightable("hsh", file=False))
     info = tmp_path / "info.json"
     info.write_text(json.dumps(json.loads(info.read_text()) | {key: value}))
-    with pytest.raises((CorruptInputError, ArgumentError), match=problem):
+    with pytest.raises((CorruptInputError, ArgumentError), match=problem) as error:
         read_relightable(tmp_path)
+    assert str(tmp_path) in str(error.value)
+
+
+@pytest.mark.parametrize("pitch", [0, -1.0, True, 1e300, float("inf"), "0.1"])
+def test_what_is_no_width_of_a_pixel_is_left_out(pitch: Any, tmp_path: Path) -> None:
+    write_relight(tmp_path, relightable("hsh", file=False))
+    info = tmp_path / "info.json"
+    for value, expected in ((pitch, None), (0.25, 0.25)):
+        content = json.loads(info.read_text()) | {"pixelSizeInMM": value}
+        info.write_text(json.dumps(content))
+        assert read_relightable(tmp_path).pitch_mm == expected
 
 
 def test_any_cut_ends_in_an_error_that_names_the_file(tmp_path: Path) -> None:

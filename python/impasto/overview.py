@@ -49,8 +49,10 @@ def visible(sbrdf: Any, reflectance: Any = None) -> Any:
     With a reflectance, or with one or three bands, that is the result itself. Of any other number
     of bands the last, the middle and the first stand in for red, green and blue.
     """
+    if reflectance is not None:
+        return sbrdf
     count = len(sbrdf.diffuse)
-    if reflectance is not None or count in {1, 3}:
+    if count in {1, 3}:
         return sbrdf
     return sbrdf.with_bands([count - 1, count // 2, 0])
 

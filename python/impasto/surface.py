@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
-from impasto._internal.checks import length_mm, one_of, refractive_index, truth
+from impasto._internal.checks import length_mm, one_of, picked, refractive_index, truth
 from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import floats
 from impasto.errors import ArgumentError
@@ -293,6 +293,21 @@ class Surface(Viewable, Relightable):
                 for lobe in lobes
             )
         return replace(self, diffuse=floats(diffuse), index=n, ambient=ambient, lobes=lobes)
+
+    def with_bands(self, chosen: Sequence[int]) -> Surface:
+        """The surface in some of its bands, by number; negative ones count from the end.
+
+        Raises
+        ------
+        ArgumentError
+            No numbers of its bands, or none at all.
+        """
+        bands = picked(chosen, len(self.diffuse), "chosen", "band")
+
+        def some(planes: Map) -> Map:
+            return np.ascontiguousarray(planes[bands])
+
+        return self.with_diffuse(some(self.diffuse), spectra=some)
 
     def __repr__(self) -> str:
         count, height, width = self.diffuse.shape

@@ -32,6 +32,14 @@ POLICY = (
 )
 
 
+KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+
+
+def kind_of(name: str) -> str:
+    """The media type of a page's own file, by the end of its name."""
+    return f"{KINDS[name.rpartition('.')[2]]}; charset=utf-8"
+
+
 class LoopbackServer(ThreadingHTTPServer):
     """Serve a page to this machine.
 

@@ -31,8 +31,8 @@ from impasto.errors import CorruptInputError, GeometryError, ImpastoError, Inter
 ARGUMENTS = (
     "adapt_seconds|adaptation|after|again|align|alpha|ball|bands|before|camera|cells|card|circles|confidence|corners|dark|darks|data|degrees|diameter_mm|display|encoding|environment|"
     "estimator|exposure|exposure_sigma|focal_mm|illuminant|images|index|intensities|into|lights|lobes|log|logs|markers|mask|memory|method|observer|"
-    "out|patches|pattern|pitch_mm|points|port|precision|references|reflectance|region|repeats|sample|saturation|seed|"
-    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|trials|view|watch|white"
+    "out|patches|pattern|pitch_mm|points|port|precision|quality|references|reflectance|region|repeats|sample|saturation|seed|"
+    "sensor_mm|series|shots|size|stage|strict|target|threads|tile|tilt|times|to|tolerance|trials|url|view|watch|white"
 )
 """Arguments of the Python API that are options here; ``pitch_mm`` is ``--pitch``, and so on."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,32 +86,43 @@ def compare(
         No progress, only errors.
     """
     import impasto
+    from impasto.cli.folder import result_folder
 
     stages = Stages(quiet=quiet)
-    with stages.stage("read") as stage:
-        paintings = [_painting(path, stages) for path in (before, after)]
-        spectra = tuple(map(_spectra, (before, after)))
-        cameras = _cameras(camera)
-        labels = None if regions is None else _regions(regions)
-        stage.note = f"{before} and {after}"
-    options: dict[str, Any] = {
-        "align": align,
-        "exposure": exposure,
-        "illuminant": illuminant,
-        "camera": cameras,
-        "reflectance": None if camera or None in spectra else spectra,
-        "alpha": alpha,
-        "exposure_sigma": exposure_sigma,
-        "cells": cells,
-        "regions": labels,
-        "height": height,
-    }
-    if out is None:
+    with ExitStack() as held:
+        # Refused before photographs are fitted, which may take long.
+        folder = None
+        if out is not None:
+            folder = held.enter_context(result_folder(out, inputs=(before, after), force=force))
+        with stages.stage("read") as stage:
+            paintings = [_painting(path, stages) for path in (before, after)]
+            spectra = tuple(map(_spectra, (before, after)))
+            options: dict[str, Any] = {
+                "align": align,
+                "exposure": exposure,
+                "illuminant": illuminant,
+                "camera": _cameras(camera),
+                "reflectance": None if camera or None in spectra else spectra,
+                "alpha": alpha,
+                "exposure_sigma": exposure_sigma,
+                "cells": cells,
+                "regions": None if regions is None else _regions(regions),
+                "height": height,
+            }
+            stage.note = f"{before} and {after}"
+        target = None
+        if folder is not None and not height and _is_store(before):
+            target = folder / STORE
         with stages.stage("compare", "registering") as stage:
-            found = impasto.compare(paintings[0], paintings[1], progress=stage.advance, **options)
+            found = impasto.compare(
+                paintings[0], paintings[1], target, progress=stage.advance, **options
+            )
             stage.note = f"{found.shape[1]} x {found.shape[0]} pixels"
-    else:
-        found = _written(out, paintings, [before, after], options, force, stages)
+        if folder is not None:
+            with stages.stage("write", str(out)):
+                if target is None:
+                    found.save(folder / SINGLE)
+                _write(found, folder, [before, after], options, stages)
     if json:
         console.print_json(found.to_dict())
     else:
@@ -118,49 +130,34 @@ def compare(
     return Exit.OK
 
 
-def _written(
-    out: Path,
-    paintings: list[Any],
-    inputs: list[Path],
-    options: dict[str, Any],
-    force: bool,
-    stages: Stages,
-) -> Comparison:
-    import impasto
-    from impasto.cli.folder import REPORT, result_folder
+def _write(
+    found: Comparison, folder: Path, inputs: list[Path], options: dict[str, Any], stages: Stages
+) -> None:
+    """The picture and the report."""
+    from impasto.cli.folder import REPORT
     from impasto.io import write_png8
-    from impasto.io.results import result_file
     from impasto.report import report, write_report
 
-    first = paintings[0]
-    stored = isinstance(first, Path) and result_file(first).suffix.lower() == ".zarr"
-    stored = stored and not options["height"]
-    with result_folder(out, inputs=inputs, force=force) as folder:
-        with stages.stage("compare", "registering") as stage:
-            target = folder / STORE if stored else None
-            found = impasto.compare(
-                paintings[0], paintings[1], target, progress=stage.advance, **options
-            )
-            if not stored:
-                found.save(folder / SINGLE)
-            stage.note = f"{found.shape[1]} x {found.shape[0]} pixels"
-        with stages.stage("write", str(out)):
-            write_png8(folder / PICTURE, np.moveaxis(found.picture(), -1, 0))
-            left = ("regions", "reflectance")
-            recorded = {name: value for name, value in options.items() if name not in left}
-            recorded["camera"] = [
-                None if one is None else list(one.bands) for one in recorded["camera"]
-            ]
-            content = report(
-                "compare",
-                inputs=[path for path in inputs if path.is_file()],
-                options=recorded | {"before": inputs[0], "after": inputs[1]},
-                results=found.to_dict(),
-                timings=stages.timings,
-                folder=folder,
-            )
-            write_report(folder / REPORT, content)
-    return found
+    write_png8(folder / PICTURE, np.moveaxis(found.picture(), -1, 0))
+    left = ("regions", "reflectance")
+    recorded = {name: value for name, value in options.items() if name not in left}
+    recorded["camera"] = [None if one is None else list(one.bands) for one in recorded["camera"]]
+    content = report(
+        "compare",
+        inputs=[path for path in inputs if path.is_file()],
+        options=recorded | {"before": inputs[0], "after": inputs[1]},
+        results=found.to_dict(),
+        timings=stages.timings,
+        folder=folder,
+    )
+    write_report(folder / REPORT, content)
+
+
+def _is_store(path: Path) -> bool:
+    """Whether a result is that of a job, not photographs."""
+    from impasto.io.results import result_file
+
+    return result_file(path).suffix.lower() == ".zarr"
 
 
 def _painting(path: Path, stages: Stages) -> Any:

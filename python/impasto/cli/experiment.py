@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,6 +13,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, Whole
+from impasto.cli.serving import check_port, serve
 from impasto.errors import ArgumentError
 
 FIGURE = "matching.png"
@@ -88,12 +88,11 @@ def run(
     no_browser
         Print the address of the page only.
     """
-    from impasto.cli.maps import load_result
+    from impasto.cli.maps import load_result, name_of
     from impasto.colour import as_display
     from impasto.matching import Experiment, MatchingServer, stimuli
 
-    if not 0 <= port <= 65535:
-        raise ArgumentError(f"--port: expected 0 to 65535, found {port}")
+    check_port(port)
     stages = Stages(quiet=False)
     with stages.stage("pictures") as stage:
         sbrdf, reflectance = load_result(result)
@@ -105,20 +104,13 @@ def run(
         )  # fmt: skip
         stage.note = f"{len(shown.degrees)} degrees"
     experiment = Experiment(
-        shown, log, observer=observer, painting=painting or result.stem, trials=trials, seed=seed,
-        adapt_seconds=adapt_seconds,
+        shown, log, observer=observer, painting=painting or name_of(result), trials=trials,
+        seed=seed, adapt_seconds=adapt_seconds,
     )  # fmt: skip
     try:
-        server = MatchingServer(experiment, port)
-
-        def ready(url: str) -> None:
-            done = f"{experiment.trial} of {experiment.log.trials} matches are made"
-            stages.say(f"  {'':14}{escape(url)}")
-            stages.say(f"  {'':14}[dim]{done}; Ctrl-C here ends the page[/]")
-            if not no_browser:
-                webbrowser.open(url)
-
-        server.run(ready)
+        done = f"{experiment.trial} of {experiment.log.trials} matches are made"
+        hint = f"{done}; Ctrl-C here ends the page"
+        serve(MatchingServer(experiment, port), stages, hint, no_browser=no_browser)
     finally:
         experiment.close()
     stages.say(f"  {'':14}{experiment.trial} of {experiment.log.trials} in {escape(str(log))}")

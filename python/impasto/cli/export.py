@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter
+from rich.markup import escape
 
 from impasto._internal.checks import length_mm
 from impasto.cli import console
@@ -174,7 +175,7 @@ def web(
     out: Folder,
     photographs: Path | None = None,
     encoding: str | None = None,
-    title: str = "",
+    title: str | None = None,
     pitch: float | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
@@ -190,7 +191,7 @@ def web(
         Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
         linear for all others.
     title
-        Above the page.
+        Above the page; default: the name of the result.
     pitch
         Width of a pixel in mm, if the result does not contain it.
     threads
@@ -198,7 +199,7 @@ def web(
     quiet
         No progress, only errors.
     """
-    from impasto.cli.maps import photographs_beside, shown_result
+    from impasto.cli.maps import name_of, photographs_beside, shown_result
     from impasto.viewer import write_site
 
     check_threads(threads)
@@ -213,12 +214,13 @@ def web(
             out,
             reflectance=reflectance,
             stack=stack,
-            title=title,
+            title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             threads=threads,
             progress=stage.advance,
         )
-        stage.note = f"{out}: {site.files} files, {site.size / 1e6:.1f} MB; open index.html"
+        stage.note = f"{out}: {site.files} files, {site.size / 1e6:.1f} MB"
+    stages.say(f"  {'':14}[dim]open {escape(str(out / 'index.html'))} in a browser[/]")
 
 
 def _export(
@@ -226,18 +228,25 @@ def _export(
 ) -> None:
     """Load the part of a result, write it and report what is lost."""
     from impasto import export
-    from impasto.cli.scale import shown
+    from impasto.cli.maps import name_of
+    from impasto.cli.scale import scale_of, shown
 
     common = common or Common()
     stages = Stages(quiet=common.quiet)
     if common.pitch is not None:
         length_mm(common.pitch, "pitch_mm")
-    part = shown(result, common.region, common.width, 1)
-    if part.in_parts or part.reduce != 1:
+    if common.width is not None and common.region is not None:
+        raise CycloptsError(msg="--region is a detail, --width a smaller scale: give one of them")
+    if common.width is None:
+        part = shown(result, common.region, None, 1)
+    else:
+        part = scale_of(result, common.width)
+    if part.in_parts:
         rows, columns = part.surface.shape
         raise ArgumentError(
-            f"--width: {result} ({columns} x {rows} pixels) is exported whole, or at a scale that "
-            "its .zarr holds, of 16 million pixels at most; give --region for a detail"
+            f"--width: {result} ({columns} x {rows} pixels) is too large to be exported whole; "
+            "give the columns of a scale that it holds, of 16 million pixels at most, or --region "
+            "for a detail"
         )
     with stages.warned(), stages.stage(format_) as stage:
         report = export.to(
@@ -246,7 +255,7 @@ def _export(
             out,
             reflectance=part.reflectance,
             pitch_mm=None if common.pitch is None else part.factor * common.pitch,
-            name=result.resolve().stem,
+            name=name_of(result),
             **options,
         )
         stage.note = f"{out}: {report.summary}"

@@ -69,6 +69,13 @@ def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
         )
 
 
+def name_of(result: Path) -> str:
+    """What a result is called: its folder, or its file without what says that it is one."""
+    path = result.resolve()
+    path = path.parent if path.name == RESULT else path
+    return path.name.removesuffix(".zarr").removesuffix(".npz").removesuffix(".impasto")
+
+
 def load_result(folder: Path) -> tuple[Any, Any]:
     """The fit in a result folder and its reflectance, or None if the camera was unknown.
 

@@ -107,6 +107,35 @@ def shown(result: Path, region: Region | None, width: int | None, reduce: int) -
     return Shown(sbrdf, reflectance, reduce, panel=sbrdf)
 
 
+def scale_of(result: Path, width: int) -> Shown:
+    """The scale of a store that has exactly so many columns, in memory.
+
+    Raises
+    ------
+    ArgumentError
+        No such scale, or one that is too large to be loaded.
+    """
+    import impasto
+
+    path = result_file(result)
+    if not (path.suffix.lower() == ".zarr" and path.is_dir()):
+        raise ArgumentError(
+            f"--width: {result} has no smaller scale, as the .zarr of impasto job run has; give "
+            "--region for a detail"
+        )
+    stored = impasto.open_sbrdf(path)
+    sizes = {1: stored.shape} | {factor: stored.level_shape(factor) for factor in stored.factors}
+    for factor, (rows, columns) in sizes.items():
+        if columns == width and rows * columns <= WHOLE:
+            level = impasto.load_sbrdf(path) if factor == 1 else stored.level(factor)
+            return Shown(level, None, factor=factor, panel=level)
+    widths = ", ".join(str(across) for down, across in sizes.values() if down * across <= WHOLE)
+    raise ArgumentError(
+        f"--width: expected the columns of a scale that {result} holds and that can be loaded "
+        f"({widths or 'none'}), found {width}"
+    )
+
+
 def loaded(result: Path, width: int | None) -> Shown:
     """The whole painting in memory, at a scale for so many columns.
 

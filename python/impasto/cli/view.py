@@ -52,7 +52,7 @@ def view(
     threads
         Default: every core.
     """
-    from impasto.cli.maps import photographs_beside, shown_result
+    from impasto.cli.maps import name_of, photographs_beside, shown_result
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
@@ -70,7 +70,7 @@ def view(
             painting,
             reflectance=reflectance,
             stack=stack,
-            title=result.name if title is None else title,
+            title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             threads=threads,
         )

@@ -85,7 +85,7 @@ def colours_of(
                 )
             matrices.append(_as_srgb(len(own)))
         else:
-            words = f"not compared: {len(own)} bands have no colour without camera="
+            words = f"not compared: {len(own)} bands have no colour without a camera"
             return Colours(None, white_point("D65"), words)
     white = white_point(illuminant)
     words = f"under {name}"

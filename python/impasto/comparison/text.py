@@ -9,6 +9,8 @@ from impasto.comparison.entries import Area, GlossChange, Quantity, Registration
 
 SHOWN = 8
 """Areas that are listed."""
+ROUNDING = 1e-5
+"""What is smaller comes from rounding, since maps are float32: 1e-7 of a radian is 6e-6 degrees."""
 TITLES = {"normal": "normal, degrees", "colour": "colour, dE00", "gloss": "gloss, ratio of beta"}
 REASONS = {
     "tested": "tested", "no_error": "without a predicted error", "outside": "outside of the second",
@@ -110,4 +112,6 @@ def _share(one: Quantity) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.3g}" if abs(value) >= ROUNDING else "0"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from impasto.errors import ArgumentError
 from impasto.export.loss import REPORT
-from impasto.io.folders import new_folder
+from impasto.io.folders import new_files, new_folder
 
 
 @contextmanager
@@ -32,15 +32,20 @@ def export_folder(out: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def beside(out: Path, *suffixes: str) -> Iterator[Path]:
-    """The file to write, with the suffix of its format.
+def export_file(out: Path, *suffixes: str) -> Iterator[tuple[Path, Path]]:
+    """Two files, the export and its report, that get their names if the block ends well.
+
+    Until then they lie in a folder of their own; the first has the name of ``out`` there.
 
     Raises
     ------
     ArgumentError
-        Another suffix.
+        Another suffix, or ``out`` is a folder.
     """
     if out.suffix.lower() not in suffixes:
         raise ArgumentError(f"out: expected a name ending in {' or '.join(suffixes)}, found {out}")
+    if out.is_dir():
+        raise ArgumentError(f"out: {out} is a folder; give the name of a file")
     out.parent.mkdir(parents=True, exist_ok=True)
-    yield out
+    with new_files(out, out.with_name(f"{out.name}.{REPORT}")) as (path, report):
+        yield path, report

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from impasto._internal.checks import one_of
+from impasto.errors import ArgumentError
 from impasto.export.geometry_files import export_height, export_normal_map
 from impasto.export.gltf import export_gltf
 from impasto.export.iiif import export_iiif
@@ -100,9 +101,15 @@ def to(
     Raises
     ------
     ArgumentError
-        An unknown format, a wrong suffix, a folder with files of other programs.
+        An unknown format, a wrong suffix, a folder with files of other programs, a painting of
+        which no pixel was estimated.
     """
     one_of(format, get_args(Format), "format")
     path = Path(out)
     source = Source(result, reflectance, pitch_mm, name or path.stem)
+    if not source.known.any():
+        raise ArgumentError(
+            "result: no pixel has a normal and colours, so there is nothing to export; its status "
+            "says why"
+        )
     return FORMATS[format].write(source, path, **options)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from impasto.errors import ArgumentError
-from impasto.export.folder import beside
-from impasto.export.loss import REPORT, LossReport, written
+from impasto.export.folder import export_file
+from impasto.export.loss import LossReport, written
 from impasto.export.mesh import Grid, height_of, relief
 from impasto.export.source import Map, Source
 from impasto.export.textures import (
@@ -42,7 +42,7 @@ def export_height(source: Source, out: Path) -> LossReport:
         Another suffix, or a mesh of more points than programs hold.
     """
     height = height_of(source)
-    with beside(out, *SUFFIXES) as path:
+    with export_file(out, *SUFFIXES) as (path, beside):
         suffix = path.suffix.lower()
         if suffix == ".exr":
             measured = _exr(source, height, path)
@@ -56,17 +56,12 @@ def export_height(source: Source, out: Path) -> LossReport:
         else:
             measured = _ply(source, relief(source, height=height), height, path)
             kept = ("a mesh in mm, one point per pixel, with the diffuse colour in sRGB",)
-    lost = _LOST + (_SURFACE if suffix in {".stl", ".ply"} else ())
-    if not source.pitch_mm:
-        lost += ("the size: 1 mm stands in for the width of a pixel",)
-    report = LossReport(
-        f"height {suffix}",
-        kept,
-        lost,
-        files=written([out], out.parent),
-        measured=measured,
-    )
-    report.save(out.with_name(f"{out.name}.{REPORT}"))
+        lost = _LOST + (_SURFACE if suffix in {".stl", ".ply"} else ())
+        if not source.pitch_mm:
+            lost += ("the size: 1 mm stands in for the width of a pixel",)
+        files = written([path], path.parent)
+        report = LossReport(f"height {suffix}", kept, lost, files=files, measured=measured)
+        report.save(beside)
     return report
 
 
@@ -79,17 +74,20 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
     ("Non-Color" in Blender).
     """
     normal = normals(source)
-    with beside(out, ".png") as path:
+    with export_file(out, ".png") as (path, beside):
         write_png16(path, coded_normals(normal, 16))
-    angle = np.degrees(_angles(decoded_normals(read_image(out)), normal))
-    report = LossReport(
-        "normal map",
-        ("normals of 16 bits, x right, y up, z towards the viewer",),
-        ("colours, gloss and everything else but the normals",),
-        files=written([out], out.parent),
-        measured={"degrees_median": float(np.median(angle)), "degrees_most": float(angle.max())},
-    )
-    report.save(out.with_name(f"{out.name}.{REPORT}"))
+        angle = np.degrees(_angles(decoded_normals(read_image(path)), normal))
+        report = LossReport(
+            "normal map",
+            ("normals of 16 bits, x right, y up, z towards the viewer",),
+            ("colours, gloss and everything else but the normals",),
+            files=written([path], path.parent),
+            measured={
+                "degrees_median": float(np.median(angle)),
+                "degrees_most": float(angle.max()),
+            },
+        )
+        report.save(beside)
     return report
 
 

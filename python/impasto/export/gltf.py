@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from impasto._internal.png import png
 from impasto.errors import CorruptInputError
-from impasto.export.folder import beside
-from impasto.export.loss import REPORT, LossReport, Shown, measure, written
+from impasto.export.folder import export_file
+from impasto.export.loss import LossReport, Shown, measure, written
 from impasto.export.mesh import Grid, panel, relief
 from impasto.export.shading import Angles, ggx
 from impasto.export.source import Direction, Map, Source
@@ -79,12 +79,12 @@ def export_gltf(source: Source, out: Path, *, displaced: bool = False) -> LossRe
     }
     # One metre is the format's unit; a relief is shown as it is, in true proportion.
     grid = (relief(source) if displaced else panel(source)).scaled(MM)
-    with beside(out, ".glb") as path:
+    with export_file(out, ".glb") as (path, beside):
         atomic_bytes(path, _document(source, pictures, grid, lobe.index, factor, None))
         report = _report(source, path)
         extras = report.to_dict()
         atomic_bytes(path, _document(source, pictures, grid, lobe.index, factor, extras))
-    report.save(out.with_name(f"{out.name}.{REPORT}"))
+        report.save(beside)
     return report
 
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from urllib.parse import quote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.colour import delta_e, icc_profile
+from impasto.errors import ArgumentError
 from impasto.export.folder import export_folder
-from impasto.export.loss import REPORT, LossReport, seen, written
+from impasto.export.loss import REPORT, LossReport, percentiles, seen, written
 from impasto.export.source import Source
 from impasto.export.textures import decoded_srgb
 from impasto.image import Image
@@ -49,11 +51,17 @@ def export_iiif(
     scene
         How it is lit; default: from above at 45 degrees, the light of the papers.
     url
-        Where the folder will be served, without a slash at the end: the ``id`` of ``info.json``.
+        Where the folder will be served: the ``id`` of ``info.json``.
     quality
-        Of the JPEGs.
+        Of the JPEGs, 1 to 100.
+
+    Raises
+    ------
+    ArgumentError
+        No address of a web server, or no quality.
     """
     lit = scene or Scene([DistantLight((0.0, 0.71, 0.71))])
+    url = None if url is None else _checked(url)
     image = render(source.result, lit, reflectance=source.reflectance, pitch_mm=source.pitch_mm)
     rows, columns = image.coverage.shape
     factors = [
@@ -73,7 +81,7 @@ def export_iiif(
                 _put(folder / "full" / name, codes, quality, icc)
         info = {
             "@context": CONTEXT,
-            "id": url or f"{PLACEHOLDER}/{out.name}",
+            "id": url or f"{PLACEHOLDER}/{quote(out.name)}",
             "type": "ImageService3",
             "protocol": "http://iiif.io/api/image",
             "profile": "level0",
@@ -87,6 +95,20 @@ def export_iiif(
         report = _report(image, folder, files, url)
         report.save(folder / REPORT)
     return report
+
+
+def _checked(url: str) -> str:
+    """The address without a slash at its end, as the API has it."""
+    try:
+        parts = urlsplit(url)
+    except ValueError:  # brackets that hold no IPv6 address
+        parts = urlsplit("")
+    plain = url.isascii() and url.isprintable() and not set(url) & set(' <>"{}|\\^`?#')
+    if parts.scheme not in {"http", "https"} or not parts.netloc or not plain:
+        raise ArgumentError(
+            f"url: expected where the folder will be served, such as {PLACEHOLDER}, found {url!r}"
+        )
+    return url.rstrip("/")
 
 
 def _smaller(image: Image, factor: int) -> Image:
@@ -132,7 +154,7 @@ def _report(image: Image, folder: Path, files: list[Path], url: str | None) -> L
     meant = np.clip(image.linear, 0.0, 1.0).reshape(3, -1)
     step = max(1, meant.shape[1] // 20_000)
     difference = delta_e(seen(meant[:, ::step]), seen(decoded_srgb(stored[:, ::step])))
-    p50, p95, p99 = (float(one) for one in np.percentile(difference, (50, 95, 99)))
+    p50, p95, p99 = percentiles(difference)
     lost = ["every light and view but this one"]
     if url is None:
         lost.append("where it is served: replace the id in info.json, or give its URL")

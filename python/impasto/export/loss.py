@@ -131,14 +131,14 @@ def measure(source: Source, shown: Shown, *, oblique: bool) -> dict[str, Any]:
         reference = source.linear(direction(*light), towards).reshape(3, -1)[:, at]
         difference = delta_e(seen(reference), seen(shown(direction(*light), towards, at)))
         pooled[view is not None].append(difference)
-        p50, p95, p99 = _percentiles(difference)
+        p50, p95, p99 = percentiles(difference)
         found.append(SceneLoss(light, (0.0, 90.0) if view is None else view, p50, p95, p99))
     names = [f"p{one}" for one in _PERCENTILES]
     result: dict[str, Any] = dict(
-        zip(names, _percentiles(np.concatenate(pooled[False])), strict=True)
+        zip(names, percentiles(np.concatenate(pooled[False])), strict=True)
     )
     if pooled[True]:
-        side = _percentiles(np.concatenate(pooled[True]))
+        side = percentiles(np.concatenate(pooled[True]))
         result |= {f"oblique_{name}": one for name, one in zip(names, side, strict=True)}
     return result | {"scenes": tuple(found)}
 
@@ -159,13 +159,8 @@ def direction(azimuth: float, elevation: float) -> Direction:
 
 
 def sampled(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Flat numbers of about :data:`_SAMPLED` known pixels, evenly spread.
-
-    Raises nothing where no pixel is known: pixel 0 stands in.
-    """
+    """Flat numbers of about :data:`_SAMPLED` known pixels, evenly spread."""
     every = np.flatnonzero(known)
-    if not every.size:
-        return np.zeros(1, np.intp)
     # A step that shares no factor with the columns visits all of them.
     step = max(1, every.size // _SAMPLED)
     while step > 1 and math.gcd(step, known.shape[1]) > 1:
@@ -180,7 +175,8 @@ def seen(linear: Map) -> NDArray[np.float64]:
     return lab_from_xyz(xyz, "D65")
 
 
-def _percentiles(difference: NDArray[np.float64]) -> list[float]:
+def percentiles(difference: NDArray[np.float64]) -> list[float]:
+    """Those of every report: 50, 95 and 99."""
     return [float(one) for one in np.percentile(difference, _PERCENTILES)]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.checks import one_of
 from impasto.encoding import Encoding
-from impasto.export.folder import beside, export_folder
+from impasto.export.folder import export_file, export_folder
 from impasto.export.loss import REPORT, LossReport, Shown, measure, written
 from impasto.export.source import Direction, Map, Source
 from impasto.io.rti import (
@@ -74,16 +74,20 @@ def relightable(source: Source, kind: Functions, *, file: bool) -> RelightableIm
 
 def export_ptm(source: Source, out: Path) -> LossReport:
     """Write a ``.ptm``: a polynomial texture map in RGB that every RTI viewer reads."""
-    with beside(out, ".ptm") as path:
+    with export_file(out, ".ptm") as (path, beside):
         write_ptm(path, relightable(source, "ptm", file=True))
-    return _reported(source, out, "PTM", "ptm")
+        report = _report(source, path, "PTM", "ptm", [path])
+        report.save(beside)
+    return report
 
 
 def export_hsh(source: Source, out: Path) -> LossReport:
     """Write an ``.rti`` of hemispherical harmonics."""
-    with beside(out, ".rti") as path:
+    with export_file(out, ".rti") as (path, beside):
         write_rti(path, relightable(source, "hsh", file=True))
-    return _reported(source, out, "HSH", "hsh")
+        report = _report(source, path, "HSH", "hsh", [path])
+        report.save(beside)
+    return report
 
 
 def export_relight(source: Source, out: Path, *, functions: Functions = "hsh") -> LossReport:
@@ -98,12 +102,6 @@ def export_relight(source: Source, out: Path, *, functions: Functions = "hsh") -
         report = _report(source, folder, "relight", functions, list(folder.iterdir()))
         write_relight(folder, image, extra={"impasto": report.to_dict()})
         report.save(folder / REPORT)
-    return report
-
-
-def _reported(source: Source, out: Path, name: str, kind: Functions) -> LossReport:
-    report = _report(source, out, name, kind, [out])
-    report.save(out.with_name(f"{out.name}.{REPORT}"))
     return report
 
 

@@ -58,8 +58,7 @@ class Source:
         pitch = self.pitch_mm
         known = self.result.surface().pitch_mm if pitch is None else length_mm(pitch, "pitch_mm")
         object.__setattr__(self, "pitch_mm", known)
-        if hasattr(self.result, "diffuse"):
-            object.__setattr__(self, "result", visible(self.result, self.spectra))
+        object.__setattr__(self, "result", visible(self.result, self.spectra))
 
     @property
     def spectra(self) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +54,9 @@ def export_usd(source: Source, out: Path, *, displaced: bool = False) -> LossRep
 
 
 def _write(folder: Path, source: Source, grid: Grid, loss: str) -> None:
-    name = re.sub(r"\W", "_", source.name) or "painting"
-    name = f"_{name}" if name[0].isdigit() else name
+    # Identifiers of USD are those of Unicode, as Python's are.
+    name = "".join(one if f"_{one}".isidentifier() else "_" for one in source.name) or "painting"
+    name = name if name.isidentifier() else f"_{name}"
     custom = f"\n    customLayerData = {{\n        string loss = {loss}\n    }}" if loss else ""
     text = TEXT.format(
         custom=custom,

@@ -40,6 +40,36 @@ def new_folder(path: Path) -> Iterator[Path]:
             raise
 
 
+@contextmanager
+def new_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
+    """Files of one folder that belong together and get their names if the block ends well.
+
+    They are made in a hidden folder beside the first, under their own names, by functions like
+    :func:`atomic_bytes`. The first gets its name first, after those that belong to an older one are
+    gone: a file never stands beside what is said of another. After an error of the block nothing
+    has changed.
+    """
+    first = paths[0]
+    with ExitStack() as held:
+        with as_problem_of(first):
+            folder = held.enter_context(temporary_beside(first, folder=True))
+        made = tuple(folder / path.name for path in paths)
+        try:
+            yield made
+            for path in paths[1:]:
+                path.unlink(missing_ok=True)
+            for source, path in zip(made, paths, strict=True):
+                source.replace(path)
+            sync_folder(first.parent)
+        except OSError as error:
+            named = _requested(error.filename, folder, first.parent) if error.errno else None
+            if named is None:
+                raise
+            raise OSError(error.errno, error.strerror, str(named)) from error
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
 def _requested(name: object, folder: Path, path: Path) -> Path | None:
     """The file of ``path`` that an error in its temporary folder is about; None: it is not."""
     if name is None:  # flushes and full disks name no file at all

@@ -15,11 +15,10 @@ from importlib import resources
 from typing import Any, Protocol
 
 from impasto._internal.damage import DAMAGE
-from impasto._internal.loopback import LoopbackHandler, LoopbackServer
+from impasto._internal.loopback import LoopbackHandler, LoopbackServer, kind_of
 
 LARGEST = 4 << 20
 """Bytes of a save; a mesh of 6000 nodes, the most that is estimated, takes 0.1 MB."""
-KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 PICTURE = re.compile(r"picture/(\d{1,5})")
 TILE = re.compile(r"tile/(\d{1,5})/(\d{1,5})/(\d{1,5})")
 
@@ -45,7 +44,7 @@ class Page:
         if name not in self.names or address == "page.html":
             return None
         data = (resources.files(self.package) / "page" / name).read_bytes()
-        return data, f"{KINDS[name.rpartition('.')[2]]}; charset=utf-8"
+        return data, kind_of(name)
 
 
 class Subject(Protocol):

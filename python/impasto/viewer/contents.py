@@ -244,7 +244,7 @@ def _in_memory(
     threads: int | None,
 ) -> _Painting:
     spectra = result.spectra() if reflectance is None else reflectance
-    lit: Any = visible(result, spectra) if hasattr(result, "with_bands") else result
+    lit: Any = visible(result, spectra)
     scene = _first_scene()
     surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
     surface = replace(surface, height=_relief(surface, height, pitch, threads))

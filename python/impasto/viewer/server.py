@@ -4,16 +4,9 @@ from __future__ import annotations
 
 from http import HTTPStatus
 
-from impasto._internal.loopback import LoopbackHandler, LoopbackServer
+from impasto._internal.loopback import LoopbackHandler, LoopbackServer, kind_of
 from impasto.viewer.contents import Contents
 from impasto.viewer.policy import policy
-
-KINDS = {
-    "html": "text/html; charset=utf-8",
-    "css": "text/css; charset=utf-8",
-    "js": "text/javascript; charset=utf-8",
-}
-"""Media types by the ends of names."""
 
 
 class ViewServer(LoopbackServer):
@@ -51,5 +44,5 @@ class _Handler(LoopbackHandler):
         if made is None:
             self.refuse(HTTPStatus.NOT_FOUND, "there is nothing at this address")
             return
-        kind = KINDS[(path or "index.html").rpartition(".")[2]]
+        kind = kind_of(path or "index.html")
         self.answer(lambda: (made(), kind))

@@ -49,7 +49,7 @@ class Site:
 
 def write_site(
     result: Relightable | StoredSbrdf,
-    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
     *,
     reflectance: Any = None,
     stack: Any = None,
@@ -71,7 +71,7 @@ def write_site(
     result
         What :func:`impasto.fit_sbrdf` or :func:`impasto.load_sbrdf` returns, an
         :class:`impasto.Surface`, or a store of any size as :func:`impasto.open_sbrdf` opens it.
-    folder
+    out
         The folder to write.
     reflectance
         Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
@@ -102,7 +102,7 @@ def write_site(
     CorruptInputError
         A part of a store is missing or damaged; no site is written.
     """
-    target = Path(folder)
+    target = Path(out)
     _check(target)
     contents = Contents(
         result,
@@ -140,11 +140,9 @@ def _content(contents: Contents, name: str) -> bytes:
 
 def _check(target: Path) -> None:
     """Refuse a name that holds anything but an older site."""
-    if not target.exists():
-        return
-    if not target.is_dir() or target.is_symlink():
-        raise ArgumentError(f"folder: {target} is no folder; give another name")
-    inside = {one.name for one in target.iterdir()}
+    if target.is_symlink() or (target.exists() and not target.is_dir()):
+        raise ArgumentError(f"out: {target} is a file or a link; give the name of a new folder")
+    inside = {one.name for one in target.iterdir()} if target.is_dir() else set()
     if not inside:
         return
     own = False
@@ -153,6 +151,6 @@ def _check(target: Path) -> None:
             own = document.read(len(MARK)) == MARK
     if foreign := sorted(inside if not own else inside - OWN):
         raise ArgumentError(
-            f"folder: {target} holds {foreign[0]}, which is no part of a site of impasto; give "
+            f"out: {target} holds {foreign[0]}, which is no part of a site of impasto; give "
             "another name"
         )

@@ -57,14 +57,7 @@ class StoredLevel(Relightable):
 
     def with_bands(self, chosen: list[int]) -> StoredLevel:
         """The surface in some of its bands, by number."""
-
-        def some(planes: Any) -> Any:
-            return np.take(planes, chosen, axis=0) if np.ndim(planes) == 3 else planes
-
-        lobes = tuple(Lobe(some(lobe.strength), lobe.shape) for lobe in self.maps.lobes)
-        ambient, diffuse = some(self.maps.ambient), some(self.maps.diffuse)
-        maps = replace(self.maps, diffuse=diffuse, ambient=ambient, lobes=lobes)
-        return replace(self, maps=maps)
+        return replace(self, maps=self.maps.with_bands(chosen))
 
 
 def maps_of_level(surface: Surface) -> dict[str, NDArray[np.float32]]:

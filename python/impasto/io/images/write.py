@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.checks import is_whole
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_bytes, atomic_path
 from impasto.io.images.native_stderr import NO_MEMORY
@@ -147,6 +148,8 @@ def write_jpeg(
         raise ArgumentError(f"picture: a JPEG holds 1 or 3 bands, found {len(planes)}")
     _check_suffix(path, "JPEG")
     pixels = planes[0] if len(planes) == 1 else np.moveaxis(planes[::-1], 0, -1)
+    if not (is_whole(quality) and 1 <= quality <= 100):
+        raise ArgumentError(f"quality: expected a whole number from 1 to 100, found {quality!r}")
     settings = [cv2.IMWRITE_JPEG_QUALITY, int(quality)]
     settings += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(pixels), settings)

@@ -149,7 +149,8 @@ def check_pixels(path: Path, width: int, height: int) -> None:
     if width < 1 or height < 1:
         raise CorruptInputError(path, f"claims a size of {width} x {height} pixels")
     if width * height > MAX_PIXELS:
-        raise ArgumentError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
+        claimed = " x ".join(f"{one}"[:12] for one in (width, height))  # a header has any digits
+        raise ArgumentError(f"{path}: {claimed} pixels are more than {MAX_PIXELS}")
 
 
 def _raw(

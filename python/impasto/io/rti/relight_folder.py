@@ -6,13 +6,15 @@ in RGB or luminance, and radial functions in principal components are read [@pon
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import one_of
+from impasto._internal.checks import length_mm, one_of
 from impasto._internal.damage import damage_of
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.images.read import read_image
@@ -76,20 +78,37 @@ def _parsed(info: Path, content: dict[str, Any]) -> RelightableImage:
     if colours == "lrgb":
         # The first picture holds the colour itself.
         colour, planes, scale, bias = planes[:3], planes[3:], scale[3:], bias[3:]
-    pitch = content.get("pixelSizeInMM")
-    return RelightableImage(
-        planes=np.ascontiguousarray(planes),
-        scale=scale / 255.0,
-        bias=-bias * scale,
-        basis=_basis(kind, colours, content, len(planes), directions),
-        colourspace=colours,  # type: ignore[arg-type]
-        coding="srgb" if content.get(_CODING) == "sRGB" else "linear",
-        format=f"relight {kind}",
-        colour=colour,
-        components=components,
-        lights=directions,
-        pitch_mm=float(pitch) if isinstance(pitch, int | float) and pitch > 0 else None,
-    )
+    with _described_by(info):
+        return RelightableImage(
+            planes=np.ascontiguousarray(planes),
+            scale=scale / 255.0,
+            bias=-bias * scale,
+            basis=_basis(kind, colours, content, len(planes), directions),
+            colourspace=colours,  # type: ignore[arg-type]
+            coding="srgb" if content.get(_CODING) == "sRGB" else "linear",
+            format=f"relight {kind}",
+            colour=colour,
+            components=components,
+            lights=directions,
+            pitch_mm=_pitch_mm(content.get("pixelSizeInMM")),
+        )
+
+
+@contextmanager
+def _described_by(path: Path) -> Iterator[None]:
+    """Numbers of a file that no relightable image can have are damage of the file."""
+    try:
+        yield
+    except ArgumentError as error:
+        raise CorruptInputError(path, f"describes no relightable image ({error})") from error
+
+
+def _pitch_mm(value: Any) -> float | None:
+    """The width of a pixel; None where the file has none, or what is none."""
+    try:
+        return length_mm(value, "pixelSizeInMM")
+    except ArgumentError:
+        return None
 
 
 _CODING = "coding"

@@ -60,7 +60,8 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
             f"{path}: holds RTI type {type_} of {channels} channels, colour type {colours} and "
             f"{size} bytes per code; read is type 3 (HSH), 3 channels, colour type 2 (RGB), 1 byte"
         )
-    basis = Basis("hsh", terms)
+    if terms not in {4, 9}:
+        raise ArgumentError(f"{path}: holds {terms} hemispherical harmonics; read are 4 and 9")
     body = header.rest()
     expected = 8 * terms + width * height * 3 * terms
     if len(body) < expected:
@@ -78,7 +79,7 @@ def _parsed(path: Path, data: bytes) -> RelightableImage:
         planes=np.ascontiguousarray(planes).reshape(3 * terms, height, width),
         scale=np.repeat(scale, 3) / 255.0,
         bias=np.repeat(bias, 3),
-        basis=basis,
+        basis=Basis("hsh", terms),
         format=f"universal RTI ({version.lstrip('#')[:20]})",
     )
 
