@@ -222,7 +222,7 @@ def test_the_command_shows_a_result_until_ctrl_c(tmp_path: Path) -> None:
     with running(["view", "painting.npz", "--no-browser", "--pitch", "0.25"], tmp_path) as url:
         assert fetched(url).startswith(b"<!doctype html>")
         document = fetched(f"{url}document.js").decode()
-        assert '"title":"painting"' in document
+        assert '"title":"painting",' in document
         assert '"pitch":0.25' in document
         assert fetched(f"{url}tiles/0/0-0.js").startswith(b"window.impasto.arrived(")
 
