@@ -2,7 +2,8 @@
 
 Lamps that are equally strong are vectors of one length, and the six numbers of the quadratic form
 that makes them so follow by least squares [@hayakawa1994photometric]. Lamps whose photographs are
-full of highlights are outliers: least median of squares [@rousseeuw1984lms], then Tukey's weights.
+full of highlights are outliers: least quantile of squares [@rousseeuw1984lms], then Tukey's
+weights.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from impasto.calibrate.uncalibrated.patches import Array
 
 TRIALS = 2000
 """Sextuples of lamps tried."""
-FLOOR = 0.005
+FLOOR = 0.01
 """Least relative spread of squares of strengths: lamps that are called alike are no more alike."""
 LEAST = 8
 """Lamps without which six numbers are not checked."""
@@ -61,7 +62,7 @@ def equal_strengths(lamps: Array, good: NDArray[np.bool_], seed: int = 0) -> Equ
         return None
     whitening = np.sqrt(good.sum()) * axes.T / size
     quadratic = _quadratic(lamps @ whitening)
-    start = _least_median(quadratic, np.flatnonzero(good), seed)
+    start = _least_quantile(quadratic, np.flatnonzero(good), seed)
     if start is None:
         return None
     form, weights, spread = start, good.astype(float), 0.0
@@ -104,8 +105,10 @@ def _root(form: Array) -> Array | None:
     return np.asarray((vector * np.sqrt(value)) @ vector.T)
 
 
-def _least_median(quadratic: Array, good: NDArray[np.intp], seed: int) -> Array | None:
+def _least_quantile(quadratic: Array, good: NDArray[np.intp], seed: int) -> Array | None:
     random = np.random.default_rng(seed)
+    # Half of the lamps and six more are covered: any six are fitted exactly [@rousseeuw1984lms].
+    covered = (len(good) + 7) // 2 - 1
     best, found = np.inf, None
     for _ in range(TRIALS):
         six = quadratic[random.choice(good, 6, replace=False)]
@@ -115,7 +118,8 @@ def _least_median(quadratic: Array, good: NDArray[np.intp], seed: int) -> Array 
             continue
         if _root(form) is None:
             continue
-        score = float(np.median(np.abs(quadratic[good] @ form - 1.0)))
+        residual = np.abs(quadratic[good] @ form - 1.0)
+        score = float(np.partition(residual, covered)[covered])
         if score < best:
             best, found = score, form
     return found
