@@ -22,8 +22,9 @@ _SIDES: dict[str, tuple[float, float]] = {
 UNEVEN = 0.025
 """Largest spread of strengths: matte paintings under equal lamps stay below 0.01, glossy ones for
 which the model is wrong are above 0.1 (docs/calibrate.md)."""
-FOUND = 0.5
-"""Least share of the lamps that follow the model."""
+FOUND = 0.65
+"""Least share of the lamps that follow the model: on a glossy relief with 10 of 16 directions were
+7 degrees off, with 33 of 48 3 (docs/calibrate.md)."""
 FOLLOW = 0.8
 """Least share of the photographs without many highlights that do."""
 WORST = 6.0
