@@ -20,6 +20,7 @@ from impasto import ArgumentError, CorruptInputError, simulate
 from impasto.cli import main
 from impasto.comparison import Changed, Compared, load_comparison
 from impasto.comparison.significance import critical, tail
+from impasto.io import write_png16
 from overlapping_frames import Shot, scene
 
 ALPHA = 0.01
@@ -440,3 +441,9 @@ def test_paintings_that_do_not_fit_are_refused(
     one, wrong, gone = (str(tmp_path / name) for name in ("a.npz", "text.npz", "gone"))
     assert "text.npz" in complaint(["compare", one, wrong, "--quiet"], 3, capsys)
     assert "does not exist" in complaint(["compare", one, gone, "--quiet"], 1, capsys)
+    dark = tmp_path / "dark"
+    dark.mkdir()
+    write_png16(dark / "1.png", np.zeros((8, 8, 3), np.uint16))
+    said = complaint(["compare", one, str(dark), "--quiet"], 1, capsys)
+    assert "no light file" in said
+    assert "fit it by impasto fit" in said

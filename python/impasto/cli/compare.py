@@ -174,7 +174,15 @@ def _painting(path: Path, stages: Stages) -> Any:
         stages.say(
             f"  {'':14}[dim]{escape(str(path))}: photographs, fitted with default options[/]"
         )
-        return impasto.fit_sbrdf(impasto.read_stack(path))
+        try:
+            stack = impasto.read_stack(path)
+        except ArgumentError as error:
+            # Its advice is in options that this command does not have.
+            raise ArgumentError(
+                f"{path}: cannot be read without more words ({error}); fit it by impasto fit, "
+                "which takes them, and compare the results"
+            ) from error
+        return impasto.fit_sbrdf(stack)
     what = "does not exist" if not path.exists() else "is no result and no folder of photographs"
     raise ArgumentError(
         f"{path} {what}: expected the --out folder of impasto fit, its .npz, the .zarr of impasto "
