@@ -265,8 +265,14 @@ def test_the_command_serves_a_session_and_goes_on_with_it(
     reflectance.save(tmp_path / "fit" / "reflectance.npz")
     words = ["experiment", "run", str(tmp_path / "fit"), "--log", str(tmp_path / "a.jsonl")]
     words += ["--observer", "anna", "--degrees", "0,0.5,1", "--trials", "2", "--no-browser"]
+    code = (
+        "import signal\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it\n"
+        "from impasto.cli import main\n"
+        f"raise SystemExit(main({words}))\n"
+    )
     with subprocess.Popen(
-        [sys.executable, "-m", "impasto", *words], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
         lines = iter(process.stderr.readline, "")
