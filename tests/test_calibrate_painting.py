@@ -16,7 +16,7 @@ from impasto.calibrate.uncalibrated.panel import about_view, panel_frame
 from impasto.cli import main
 from impasto.io import read_lights, write_png16
 from impasto.io.images import list_images
-from oracles import matte_relief
+from oracles import known_lamps, matte_relief
 
 LAMPS = 10
 NAMES = tuple(f"{number:02}.png" for number in range(LAMPS))
@@ -159,23 +159,8 @@ def test_published_directions_from_the_object_alone(data: Path) -> None:
     It is no panel and its lamps are not alike, so that strengths are taken from the published
     directions and a rotation is left open: what is compared are the angles between lamps.
     """
-    folder = data / "two_balls"
-    truth = np.loadtxt(folder / "light_directions.txt").T
-    paths = [path for path in list_images(folder / "Objects") if path.name.startswith("Image")]
-    light = np.array([linear_photograph(path, "linear").mean(axis=0) for path in paths])
-    flat = light.reshape(len(light), -1).astype(np.float64)
-    flat = flat[:, flat.mean(axis=0) > 0.08]
-    flat = flat[:, np.random.default_rng(0).choice(flat.shape[1], 4000, replace=False)]
-    # Strengths by semi-calibrated photometric stereo: medians of observed over expected.
-    strengths = np.ones(len(truth))
-    for _ in range(30):
-        normal = np.linalg.lstsq(strengths[:, None] * truth, flat, rcond=None)[0]
-        expected = truth @ normal
-        lit = (flat > 0.04) & (expected > 0.02)
-        strengths = np.array(
-            [np.median((a / b)[use]) for a, b, use in zip(flat, expected, lit, strict=True)]
-        )
-    factors = factorise(flat / strengths[:, None])
+    samples, truth = known_lamps.even_samples(data, 4000)
+    factors = factorise(samples)
     form = equal_strengths(factors.lamps, factors.clean)
     assert form is not None
     lamps = factors.lamps @ form.matrix

@@ -28,7 +28,7 @@ from impasto.io.images import list_images
 
 sys.path.insert(0, str(ROOT / "tests"))
 
-from oracles import matte_relief
+from oracles import known_lamps, matte_relief
 
 
 def degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -105,23 +105,8 @@ def icon(data: Path) -> dict[str, Any]:
 
 def real_object(data: Path) -> dict[str, Any]:
     """Factors and equal strengths alone, after the best rotation or reflection."""
-    folder = data / "two_balls"
-    truth = np.loadtxt(folder / "light_directions.txt").T
-    paths = [path for path in list_images(folder / "Objects") if path.name.startswith("Image")]
-    light = np.array([linear_photograph(path, "linear").mean(axis=0) for path in paths])
-    flat = light.reshape(len(light), -1).astype(np.float64)
-    flat = flat[:, flat.mean(axis=0) > 0.08]
-    flat = flat[:, np.random.default_rng(0).choice(flat.shape[1], 8000, replace=False)]
-    # The lamps of this set are not alike: their strengths with the published directions.
-    strengths = np.ones(len(truth))
-    for _ in range(30):
-        normal = np.linalg.lstsq(strengths[:, None] * truth, flat, rcond=None)[0]
-        expected = truth @ normal
-        lit = (flat > 0.04) & (expected > 0.02)
-        strengths = np.array(
-            [np.median((a / b)[use]) for a, b, use in zip(flat, expected, lit, strict=True)]
-        )
-    factors = factorise(flat / strengths[:, None])
+    samples, truth = known_lamps.even_samples(data, 8000)
+    factors = factorise(samples)
     form = equal_strengths(factors.lamps, factors.clean)
     assert form is not None
     lamps = factors.lamps @ form.matrix
