@@ -28,8 +28,8 @@ class Effort:
         Steps of reweighting in photometric stereo (``method="robust"``), 0 to 1000.
     pixels
         Approximate largest number of pixels from which the one lobe of the painting is estimated
-        (``pooling="painting"``). Its error falls with their square root; the time of the search is
-        proportional to them, up to the size of the painting.
+        (``pooling="painting"``). Its error falls with their square root. Searches of fewer pixels
+        come first; a sixteenth is enough where beta and gamma are then known to 0.3 %.
     rounds
         Rounds of reweighting. In each, all bands are fitted together and samples are reweighted by
         their residuals (``pooling="pixel"``), or a Lafortune fit is repeated without outliers. 0:

@@ -29,6 +29,9 @@ from impasto.refinement import RigRefinement
 
 FRONTAL = (0.0, 0.0, 1.0)
 """The view of a camera far in front of the painting."""
+_ROUNDED = 8 * float(np.finfo(np.float64).eps)
+"""Vectors whose lengths differ from 1 by less are unit vectors. Dividing once more would change
+last bits, and a rig that is saved and loaded must not change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +96,14 @@ class DistantLight:
 
     def __post_init__(self) -> None:
         vector = _vector(self.direction, "direction")
-        length = float(np.linalg.norm(vector))
+        length = math.hypot(*vector)
         if length < 1e-6:
             raise GeometryError(
                 f"direction: a light direction needs a length above 0, found {self.direction}"
             )
-        object.__setattr__(self, "direction", tuple(float(v) for v in vector / _not_1(length)))
+        if abs(length - 1.0) >= _ROUNDED:
+            vector = [along / length for along in vector]
+        object.__setattr__(self, "direction", tuple(vector))
         _check_intensity(self.intensity)
         _check_radius(self.radius, math.pi / 4, "radians, at most pi/4")
 
@@ -127,7 +132,7 @@ class PointLight:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        vector = _vector(self.position, "position").tolist()
+        vector = _vector(self.position, "position")
         far = math.hypot(*vector)
         if far < 1e-6:
             raise GeometryError(
@@ -176,7 +181,7 @@ class PointView:
     position: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        vector = _vector(self.position, "position").tolist()
+        vector = _vector(self.position, "position")
         if math.hypot(*vector) < 1e-6:
             raise GeometryError(
                 f"position: a camera cannot stand on the painting, found {self.position}"
@@ -547,22 +552,16 @@ def _views(views: Views | None, count: int) -> tuple[NDArray[np.float64], NDArra
         lengths = np.linalg.norm(array, axis=1, keepdims=True)
     if not np.isfinite(lengths).all() or bool((lengths < 1e-6).any()):
         raise GeometryError("views: every view needs a finite direction")
-    return np.ascontiguousarray(array / _not_1(lengths)), positions
+    lengths = np.where(np.abs(lengths - 1.0) < _ROUNDED, 1.0, lengths)
+    return np.ascontiguousarray(array / lengths), positions
 
 
-def _not_1(length: Any) -> Any:
-    """Lengths to divide by: 1 for unit vectors up to rounding.
-
-    Dividing once more would change last bits, and a rig that is saved and loaded must not change.
-    """
-    return np.where(np.abs(length - 1.0) < 8 * np.finfo(np.float64).eps, 1.0, length)
-
-
-def _vector(values: Any, name: str) -> NDArray[np.float64]:
-    vector = numbers(values, name, "three numbers")
-    if vector.shape != (3,) or not all(map(math.isfinite, vector.tolist())):
+def _vector(values: Any, name: str) -> list[float]:
+    array = numbers(values, name, "three numbers")
+    vector: list[float] = array.tolist()
+    if array.shape != (3,) or not all(map(math.isfinite, vector)):
         raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
-    if max(map(abs, vector.tolist())) > FARTHEST_MM:
+    if max(map(abs, vector)) > FARTHEST_MM:
         raise ArgumentError(
             f"{name}: expected numbers of at most {FARTHEST_MM:g}, found {values!r}; "
             "a light that far away is a DistantLight with a unit direction"

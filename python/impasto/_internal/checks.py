@@ -37,6 +37,8 @@ def one_of(value: Any, names: Iterable[str], argument: str) -> None:
 
 def number(value: Any, name: str, expected: str) -> float:
     """One real number (NaN and infinity are), never a text or a truth value."""
+    if type(value) is float:
+        return value
     try:
         if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value) != 0:
             raise TypeError

@@ -6,7 +6,8 @@ complement [@triggs2000bundle]. For photographs held out, the elimination follow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,35 +61,49 @@ class Linear:
         lamps[:, photographs] = (self.lamp**2).sum(axis=1)
         return np.concatenate([places, lamps], axis=1)
 
-    def products(self, photographs: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Sums of products: pixel by pixel, pixel by rig, rig by rig with the errors last.
+    def by_pixel(self, photographs: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Sums of products: pixel by pixel, and pixel by rig with the errors last.
 
         Numbers of the rig are the inverse distances, the strengths of all lamps, those of the
         ``photographs`` here among them, and the error as one more column.
         """
         pixel = np.concatenate([self.shared, self.own], axis=-1)
         along = pixel.swapaxes(2, 3)
-        by_pixel = self._arrow(along @ pixel)
-        dense = np.concatenate([self.place, self.error[..., None]], axis=-1)
-        flat = dense.reshape(len(pixel), -1, dense.shape[-1])
-        by_rig, among = self._column(along @ dense), _sum_of_products(flat, flat)
+        among = self._arrow(along @ pixel)
+        by_rig = self._column(along @ self._dense)
         if self.lamp is None:
-            return by_pixel, by_rig, among
-        lamps = np.flatnonzero(photographs)
-        places = self.place.shape[-1]
-        at = places + lamps
-        size = places + len(photographs) + 1
-        ends = np.r_[0:places, size - 1]
+            return among, by_rig
+        at, ends, size = self._places(photographs)
         both = np.zeros((*by_rig.shape[:2], size))
         both[..., ends] = by_rig
         # A strength changes its own photograph alone.
         both[..., at] = self._column(along * self.lamp[:, :, None])
+        return among, both
+
+    def by_rig(self, photographs: NDArray[np.bool_]) -> Array:
+        """The same, rig by rig."""
+        flat = self._dense.reshape(len(self.error), -1, self._dense.shape[-1])
+        among = _sum_of_products(flat, flat)
+        if self.lamp is None:
+            return among
+        at, ends, size = self._places(photographs)
         total = np.zeros((size, size))
         total[np.ix_(ends, ends)] = among
         total[at, at] = (self.lamp**2).sum(axis=(0, 1))
-        cross = (dense * self.lamp[..., None]).sum(axis=(0, 1))
+        cross = (self._dense * self.lamp[..., None]).sum(axis=(0, 1))
         total[np.ix_(at, ends)], total[np.ix_(ends, at)] = cross, cross.T
-        return by_pixel, both, total
+        return total
+
+    @property
+    def _dense(self) -> Array:
+        """What every photograph has: derivatives by inverse distances, and the error."""
+        return np.concatenate([self.place, self.error[..., None]], axis=-1)
+
+    def _places(self, photographs: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Any, int]:
+        """Columns of the strengths, those of the rest, and how many there are."""
+        places = self.place.shape[-1]
+        size = places + len(photographs) + 1
+        return places + np.flatnonzero(photographs), np.r_[0:places, size - 1], size
 
     def _column(self, products: Array) -> Array:
         """``(n, band, s + o, k)``, the products in each band, for all unknowns of the pixel."""
@@ -117,15 +132,19 @@ def eliminated(linear: Linear, held: NDArray[np.bool_]) -> tuple[Array, Array]:
     The pixels follow the rig as the photographs say that are fitted, all or those not ``held``;
     the errors are those of the photographs held. With all, this is the Schur complement.
     """
-    blocks = [slice(at, at + _BLOCK) for at in range(0, len(linear.error), _BLOCK)]
-    if not held.all():
-        linear = linear.weighted(
-            bounded(np.concatenate([_Followed.of(linear, one, held).leverage for one in blocks]))
-        )
+    count = len(linear.error)
+    blocks = [slice(at, at + _BLOCK) for at in range(0, count, _BLOCK)]
     size = 1 + linear.place.shape[-1] + (0 if linear.lamp is None else len(held))
-    total = sum(
-        (_Followed.of(linear, one, held).equations for one in blocks), np.zeros((size, size))
-    )
+    total = np.zeros((size, size))
+    if held.all():
+        for block in blocks:
+            total += _Followed.of(linear, block, held).equations(linear.of(block, held), held)
+    else:
+        parts = [_Followed.of(linear, block, held) for block in blocks]
+        weight = bounded(np.concatenate([part.leverage for part in parts]))
+        for block, part in zip(blocks, parts, strict=True):
+            shown = linear.of(block, held).weighted(weight[block])
+            total += part.weighted(weight[block]).equations(shown, held)
     return total[:-1, :-1].copy(), total[:-1, -1].copy()
 
 
@@ -150,7 +169,6 @@ class _Followed:
 
     pixel: Array
     by_rig: Array
-    rig: Array
     follow: Array
     alone: Array
     places: int
@@ -159,8 +177,8 @@ class _Followed:
     def of(cls, linear: Linear, pixels: slice, held: NDArray[np.bool_]) -> _Followed:
         """Of the pixels' photographs."""
         part = linear.of(pixels, held)
-        shown = part.products(held)
-        to_fit = shown if held.all() else linear.of(pixels, ~held).products(~held)
+        shown = part.by_pixel(held)
+        to_fit = shown if held.all() else linear.of(pixels, ~held).by_pixel(~held)
         # What shows in the photographs held alone, as a highlight may, does not follow.
         both = shown[0] if held.all() else shown[0] + to_fit[0]
         scale = np.sqrt(np.einsum("nkk->nk", both))
@@ -172,12 +190,21 @@ class _Followed:
         follow = np.linalg.solve(among + _RIDGE * np.eye(scale.shape[1]), along)
         return cls(*shown, follow / scale[..., None], part.squares(held), linear.place.shape[-1])
 
-    @property
-    def equations(self) -> Array:
-        """Normal equations, the errors last."""
-        cross = _sum_of_products(self.follow, self.by_rig)
-        both = _sum_of_products(self.follow, self.pixel @ self.follow)
-        return self.rig - cross - cross.T + both
+    def weighted(self, weight: Array) -> _Followed:
+        """With a weight ``(n,)`` for each pixel, which changes nothing of how it follows."""
+        wide = weight[:, None, None]
+        return replace(
+            self,
+            pixel=self.pixel * wide,
+            by_rig=self.by_rig * wide,
+            alone=self.alone * weight[:, None],
+        )
+
+    def equations(self, shown: Linear, photographs: NDArray[np.bool_]) -> Array:
+        """Normal equations, the errors last; ``shown``: the pixels in these photographs."""
+        # F'B + B'F - F'PF is H + H' with H = F'(B - PF / 2): one product for all lamps, not two.
+        half = _sum_of_products(self.follow, self.by_rig - 0.5 * (self.pixel @ self.follow))
+        return shown.by_rig(photographs) - half - half.T
 
     @property
     def leverage(self) -> Array:

@@ -9,10 +9,12 @@ use crate::brdf::torrance_sparrow::sharpness;
 use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Outcome, Problem};
 
+use super::covariance::{relative, sandwich};
 use super::irls::{LobeEquations, ScaleReference};
 use super::passes::Passes;
 use super::pixel::CommonLobe;
 use super::samples::State;
+use super::scale::Gaussian;
 
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
 pub(super) const FIRST_STEPS: usize = 16;
@@ -55,6 +57,11 @@ const SAME_FLOOR: f64 = 0.1;
 /// Times that the noise floor is estimated anew.
 const REFINEMENTS: usize = 8;
 
+/// Three standard deviations separate a highlight from noise.
+pub(super) fn shows_highlight(covariance: [[f64; 2]; 2]) -> bool {
+    covariance[0][0].sqrt() < 1.0 / 3.0
+}
+
 /// The result of the search.
 pub(super) struct JointLobe {
     pub(super) lobe: CommonLobe,
@@ -64,6 +71,29 @@ pub(super) struct JointLobe {
     pub(super) path: Vec<[f64; 2]>,
     pub(super) scale_reference: ScaleReference,
     pub(super) converged: bool,
+}
+
+impl JointLobe {
+    /// Covariance of (log beta, log gamma), none where the samples determine no lobe; and whether
+    /// they leave the width open.
+    pub(super) fn covariance(&self, gaussian: Gaussian) -> (Option<[[f64; 2]; 2]>, bool) {
+        let factor = lm::factor(&self.equations.information(), 0.0, &[false; 2]);
+        let scatter = &self.equations.scatter;
+        let covariance = (self.lobe.beta > 0.0 && !factor.deficient[0])
+            .then(|| relative(self.lobe, sandwich(&factor, scatter, gaussian.curvature)));
+        (covariance, factor.deficient[1])
+    }
+
+    /// Relative standard errors of beta and gamma; none where the samples determine no lobe.
+    pub(super) fn standard_errors(&self, gaussian: Gaussian) -> Option<[f64; 2]> {
+        let (covariance, open) = self.covariance(gaussian);
+        covariance.filter(|_| !open).map(|covariance| [0, 1].map(|i| covariance[i][i].sqrt()))
+    }
+
+    /// Whether the samples show a highlight: three standard errors separate it from noise.
+    pub(super) fn seen(&self, gaussian: Gaussian) -> bool {
+        self.covariance(gaussian).0.is_some_and(shows_highlight)
+    }
 }
 
 /// Costs of lobes, with the state of all pixels that goes with the best.
@@ -80,7 +110,31 @@ struct JointSearch<'a> {
     failure: RefCell<Option<Error>>,
 }
 
-impl JointSearch<'_> {
+impl<'a> JointSearch<'a> {
+    /// A search that goes on along a `path`, from `lobe`.
+    fn new(
+        passes: Passes<'a>,
+        [state, trial]: [State; 2],
+        lobe: CommonLobe,
+        mut path: Vec<[f64; 2]>,
+    ) -> Self {
+        let here = [lobe.beta, lobe.gamma()];
+        if path.last() != Some(&here) {
+            path.push(here);
+        }
+        Self {
+            passes,
+            best: RefCell::new(state),
+            trial: RefCell::new(trial),
+            equations: Cell::new(LobeEquations::zero()),
+            least: Cell::new(f64::INFINITY),
+            last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
+            steps: Cell::new(FIRST_STEPS),
+            path: RefCell::new(path),
+            failure: RefCell::new(None),
+        }
+    }
+
     fn visit(&self, lobe: CommonLobe, restart: bool) -> Result<Normal<f64, 2>> {
         let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
         let place = [lobe.beta, lobe.log_sharpness];
@@ -149,6 +203,29 @@ impl JointSearch<'_> {
         })
     }
 
+    /// The lobe of smallest cost near a `place`, after every pixel has tried other normals.
+    fn finish(mut self, place: [f64; 2]) -> Result<JointLobe> {
+        let at = |[beta, log_sharpness]: [f64; 2]| CommonLobe { beta, log_sharpness };
+        self.steps.set(FIRST_STEPS);
+        self.visit(at(place), true)?;
+        let mut outcome = self.minimise(place, SEARCH)?;
+        // Without noise every better lobe lowers the noise floor.
+        for _ in 0..REFINEMENTS {
+            if !self.refine_noise_floor()? {
+                break;
+            }
+            self.visit(at(outcome.parameters), false)?;
+            outcome = self.minimise(outcome.parameters, SEARCH)?;
+        }
+        Ok(JointLobe {
+            lobe: at(outcome.parameters),
+            equations: self.equations.get(),
+            path: self.path.into_inner(),
+            scale_reference: self.passes.scale_reference,
+            converged: outcome.reason.converged(),
+        })
+    }
+
     fn minimise(&self, start: [f64; 2], options: Options) -> Result<Outcome<f64, 2>> {
         let outcome = lm::minimise(self, start, &CommonLobe::bounds(), &options);
         match self.failure.take() {
@@ -179,17 +256,8 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> R
     let mut trial = state.copied(passes.run)?;
     let flat = CommonLobe { beta: 0.0, ..lobe };
     passes.irls(&state, &mut trial, flat, FIRST_STEPS, false)?;
-    let mut search = JointSearch {
-        passes: passes.with_noise_floor(noise_floor(&passes, &trial)?),
-        best: RefCell::new(state),
-        trial: RefCell::new(trial),
-        equations: Cell::new(LobeEquations::zero()),
-        least: Cell::new(f64::INFINITY),
-        last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
-        steps: Cell::new(FIRST_STEPS),
-        path: RefCell::new(vec![[lobe.beta, lobe.gamma()]]),
-        failure: RefCell::new(None),
-    };
+    let passes = passes.with_noise_floor(noise_floor(&passes, &trial)?);
+    let mut search = JointSearch::new(passes, [state, trial], lobe, Vec::new());
     // Outliers decide a sum of squares of all samples (hard case 31); the robust cost says which of
     // two lobes is nearer.
     let satin = CommonLobe {
@@ -201,29 +269,16 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> R
         search.visit(lobe, false)?;
     }
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
-    let [beta, log_sharpness] = search.minimise(search.last.get().0, rough)?.parameters;
+    let place = search.minimise(search.last.get().0, rough)?.parameters;
     search.refine_noise_floor()?;
-    search.steps.set(FIRST_STEPS);
-    search.visit(CommonLobe { beta, log_sharpness }, true)?;
-    let mut outcome = search.minimise([beta, log_sharpness], SEARCH)?;
-    // Without noise every better lobe lowers the noise floor.
-    for _ in 0..REFINEMENTS {
-        if !search.refine_noise_floor()? {
-            break;
-        }
-        let [beta, log_sharpness] = outcome.parameters;
-        search.visit(CommonLobe { beta, log_sharpness }, false)?;
-        outcome = search.minimise(outcome.parameters, SEARCH)?;
-    }
-    let JointSearch { passes, equations, path, .. } = search;
-    let [beta, log_sharpness] = outcome.parameters;
-    Ok(JointLobe {
-        lobe: CommonLobe { beta, log_sharpness },
-        equations: equations.get(),
-        path: path.into_inner(),
-        scale_reference: passes.scale_reference,
-        converged: outcome.reason.converged(),
-    })
+    search.finish(place)
+}
+
+/// Goes on from the lobe that fewer of the pixels determined, whose noise floor `passes` has.
+pub(super) fn refine_lobe(passes: Passes<'_>, state: State, rough: JointLobe) -> Result<JointLobe> {
+    let trial = state.copied(passes.run)?;
+    let CommonLobe { beta, log_sharpness } = rough.lobe;
+    JointSearch::new(passes, [state, trial], rough.lobe, rough.path).finish([beta, log_sharpness])
 }
 
 /// A quarter of the squared scale that pixels with a quarter of the painting's light stay below.

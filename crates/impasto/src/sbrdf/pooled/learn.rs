@@ -2,26 +2,26 @@
 
 use crate::error::Result;
 use crate::geometry::Rig;
-use crate::lm::{self, Outcome};
+use crate::lm::Outcome;
 use crate::pixels::{Run, TILE, zeros};
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 use crate::surface::{Pairs, TorranceSparrow};
 
 use super::apply::{Application, begin, check, in_unit, photographs, unit_of};
-use super::covariance::{relative, sandwich};
+use super::covariance::relative;
 use super::extract::Extraction;
 use super::histogram::Histogram;
 use super::irls::{LobeEquations, ScaleReference};
-use super::joint::{JointLobe, find_lobe};
+use super::joint::{JointLobe, shows_highlight};
 use super::learned::{LearnedLobe, PooledLobe};
 use super::maps::PooledMapsMut;
 use super::outliers::Counts;
 use super::passes::Passes;
 use super::pixel::CommonLobe;
-use super::samples::{Begin, State};
+use super::progressive_sampling::learn_progressively;
+use super::samples::Begin;
 use super::scale::Gaussian;
-use super::subset::Subset;
 use super::verdict::{DESCRIBES, Strengths, Verdict};
 
 /// Settings of the pooled fit.
@@ -130,9 +130,8 @@ struct Estimate {
 }
 
 impl Estimate {
-    /// Three standard deviations separate a highlight from noise.
     fn seen(&self) -> bool {
-        self.covariance.is_some_and(|covariance| covariance[0][0].sqrt() < 1.0 / 3.0)
+        self.covariance.is_some_and(shows_highlight)
     }
 
     /// The lobe, without strength where there is no highlight.
@@ -161,16 +160,11 @@ impl Passes<'_> {
         if !options.joint {
             return Ok(self.separate(&first, samples));
         }
-        let subset = Subset::gather(self.photographs, begin, options.pixels, self.run)?;
-        if subset.len() == 0 {
-            return Ok(self.separate(&first, samples));
-        }
-        let stack = subset.stack()?;
-        let photographs = &subset.photographs(self.photographs, &stack);
-        let state = State::new(subset.begin(), subset.len(), self.run)?;
         let lobe = CommonLobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
-        let found = find_lobe(Passes { photographs, ..*self }, state, lobe)?;
-        Ok(self.joint(found))
+        match learn_progressively(*self, begin, options.pixels, lobe)? {
+            Some(found) => Ok(self.joint(found)),
+            None => Ok(self.separate(&first, samples)),
+        }
     }
 
     /// The lobe that was fitted to `samples`.
@@ -194,12 +188,8 @@ impl Passes<'_> {
 
     /// The lobe that the joint search found.
     fn joint(&self, found: JointLobe) -> Estimate {
-        let JointLobe { lobe, equations, path, converged, scale_reference } = found;
-        let gaussian = Gaussian::of(self.photographs.bands);
-        let factor = lm::factor(&equations.information(), 0.0, &[false; 2]);
-        let covariance = (lobe.beta > 0.0 && !factor.deficient[0])
-            .then(|| relative(lobe, sandwich(&factor, &equations.scatter, gaussian.curvature)));
-        let open = factor.deficient[1];
+        let (covariance, open) = found.covariance(Gaussian::of(self.photographs.bands));
+        let JointLobe { lobe, path, converged, scale_reference, .. } = found;
         let histogram = None;
         let joint = true;
         Estimate { lobe, covariance, open, path, converged, joint, scale_reference, histogram }

@@ -5,9 +5,9 @@
 //!
 //! 1. the separate fit of the papers: (beta, gamma) from the specular part of all samples against phi
 //!    ([`histogram`]);
-//! 2. the joint fit (`joint`): (beta, gamma) by Levenberg-Marquardt on a random subset of the pixels
-//!    (`subset`), while every pixel's normal and colours follow by iteratively reweighted least
-//!    squares (`irls`) on a robust scale (`scale`);
+//! 2. the joint fit (`joint`): (beta, gamma) by Levenberg-Marquardt on random subsets of the pixels
+//!    (`subset`), each larger than the last (`progressive_sampling`), while every pixel's normal and
+//!    colours follow by iteratively reweighted least squares (`irls`) on a robust scale (`scale`);
 //! 3. whether the lobe improves on the diffuse part alone, for all pixels together, and the noise by
 //!    class of brightness, with which a pixel's own strength is compared with the painting's
 //!    (`verdict`).
@@ -32,6 +32,7 @@ mod normal_covariance;
 mod outliers;
 mod passes;
 mod pixel;
+mod progressive_sampling;
 mod samples;
 mod scale;
 mod subset;

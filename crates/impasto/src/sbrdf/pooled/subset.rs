@@ -1,6 +1,6 @@
 //! A random subset of the pixels, large enough to find the lobe.
 //!
-//! Sixty thousand pixels determine beta and gamma to a thousandth. The search therefore visits a
+//! Sixty thousand pixels determine beta and gamma to a thousandth. A search therefore visits a
 //! subset, gathered and decoded once. If the painting has fewer pixels than the subset may have, the
 //! subset is all of them.
 
@@ -30,14 +30,15 @@ pub(super) struct Subset {
 }
 
 impl Subset {
-    /// Gathers pixels whose normals were estimated, about `most` of them.
+    /// Gathers about `most` of `all` pixels whose normals were estimated.
     pub(super) fn gather(
         photographs: &Photographs<'_>,
         begin: Begin<'_>,
         most: usize,
+        all: usize,
         run: &Run<'_>,
     ) -> Result<Self> {
-        let picks = pick(photographs, most, run)?;
+        let picks = pick(photographs, most, all, run)?;
         let shape = Shape { height: 1, width: picks.len(), ..photographs.stack.shape() };
         let mut samples = zeros(shape.samples())?;
         let planes = samples.chunks_mut(picks.len().max(1)).enumerate().collect();
@@ -109,15 +110,25 @@ impl Subset {
     }
 }
 
+/// How many pixels have normals that were estimated.
+pub(super) fn estimated_pixels(photographs: &Photographs<'_>, run: &Run<'_>) -> Result<usize> {
+    let mut all = 0;
+    run.in_turn(tiles(photographs.pixels()), |(start, count)| {
+        all += (start..start + count).filter(|&pixel| photographs.estimated(pixel)).count();
+    })?;
+    Ok(all)
+}
+
 /// Pixels in the order of the image: all, or runs of neighbours chosen by a hash of their number
-/// (a fixed stride could follow the weave of a canvas).
-fn pick(photographs: &Photographs<'_>, most: usize, run: &Run<'_>) -> Result<Vec<usize>> {
+/// (a fixed stride could follow the weave of a canvas). Fewer of them are among more.
+fn pick(
+    photographs: &Photographs<'_>,
+    most: usize,
+    all: usize,
+    run: &Run<'_>,
+) -> Result<Vec<usize>> {
     let estimated = |&pixel: &usize| photographs.estimated(pixel);
     let tiles = tiles(photographs.pixels());
-    let mut all = 0;
-    run.in_turn(&tiles, |&(start, count)| {
-        all += (start..start + count).filter(estimated).count();
-    })?;
     let planes = photographs.bands * photographs.rig.observations();
     let most = most.min(SAMPLES / planes.max(1)).max(RUN);
     let share = most as f64 / all.max(1) as f64;
