@@ -85,10 +85,11 @@ def quantities_of(part: Sbrdf) -> Quantities:
     sigma = part.sigma.astype(np.float64)
     given = None
     if isinstance(part, LafortuneSbrdf) and part.verdict == "one-view":
-        # Its normals are those of photometric stereo, and so are their errors, but for the residuals
+        # Its normals are those of photometric stereo, and so are their errors, but for residuals
         # that the lobes explain: these are in both paintings.
         stereo = np.maximum(part.normals.residual.astype(np.float64), 1e-12)
-        sigma = given = part.normals.sigma * np.minimum(part.residual / stereo, 1.0)
+        explained = np.minimum(part.residual.astype(np.float64) / stereo, 1.0)
+        sigma = given = part.normals.sigma.astype(np.float64) * explained
     bounds = bounds_of(part, own, _width_errors(part), given)
     excess = EXCESS if isinstance(part, PerPixelSbrdf) else 1.0
     beta, gamma, gamma_sigma = _gloss(part, bounds.shape)
@@ -111,8 +112,7 @@ def quantities_of(part: Sbrdf) -> Quantities:
 
 
 def has_places(kind: type[Sbrdf]) -> bool:
-    """Whether pixels or segments have a gloss of their own; else it has no place where it differs.
-    """
+    """Whether pixels or segments have a gloss of their own; else it differs all over or not."""
     return issubclass(kind, PerPixelSbrdf | SegmentSbrdf)
 
 

@@ -201,9 +201,7 @@ def _extent(entries: dict[str, Any] | None) -> ClusterExtent:
     known = entries or {"familywise": math.nan, "chance": 0, "continuation": math.nan,
                         "found": 0, "share": math.nan}  # fmt: skip
     critical = known.get("critical")
-    return ClusterExtent(
-        **_known(known) | {"critical": math.inf if critical is None else critical}
-    )
+    return ClusterExtent(**_known(known) | {"critical": math.inf if critical is None else critical})
 
 
 def _pair(values: Sequence[Any]) -> tuple[Any, Any]:

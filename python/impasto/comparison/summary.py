@@ -160,11 +160,15 @@ class Summary:
 
     def _quantile(self, name: str, share: float) -> float:
         values = np.concatenate(self._samples.get(name, [np.zeros(0)]))
-        return float(np.quantile(values, share)) if values.size else float("nan")
+        if not values.size:
+            return float("nan")
+        # Between two infinite ratios there is no number: the lower one stands.
+        if np.isfinite(values).all():
+            return float(np.quantile(values, share))
+        return float(np.quantile(values, share, method="lower"))
 
 
 def _letters(number: int) -> str:
     """A to Z, AA to ZZ, and so on, as columns of a sheet."""
     head, last = divmod(number, 26)
     return (_letters(head - 1) if head else "") + chr(ord("A") + last)
-

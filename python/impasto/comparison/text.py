@@ -57,11 +57,11 @@ def as_text(
     if clusters:
         lines.append(f"{'place':>12}{'pixels':>9}{'mm2':>9}{'degrees':>9}{'dE00':>8}{'beta':>8}"
                      f"{'normal':>9}{'colour':>9}{'gloss':>9}")  # fmt: skip
-        for one in clusters[:SHOWN]:
+        for own in clusters[:SHOWN]:
             lines.append(
-                f"{f'{one.left}, {one.top}':>12}{one.pixels:>9}{_number(one.area_mm2):>9}"
-                f"{_number(one.normal):>9}{_number(one.colour):>8}{_number(one.gloss):>8}"
-                f"{_shares(one.changed)}"
+                f"{f'{own.left}, {own.top}':>12}{own.pixels:>9}{_number(own.area_mm2):>9}"
+                f"{_number(own.normal):>9}{_number(own.colour):>8}{_number(own.gloss):>8}"
+                f"{_shares(own.changed)}"
             )
         lines += _more(extent.found)
         lines.append("place: left, top in pixels before; means over the pixels of the area")

@@ -9,6 +9,7 @@ its best strength. A Lafortune lobe in the mirror direction enters with the tilt
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -99,6 +100,7 @@ def shape_of(distribution: Distribution, alpha: Floats, tilt: Floats) -> Floats:
         return np.asarray(lobe if distribution == "ward" else lobe / np.cos(tilt) ** 4)
 
 
+@cache
 def _products(distribution: Distribution) -> tuple[Floats, Floats]:
     """``(alpha, gamma)`` integrals of target times lobe, and ``(alpha,)`` of target squared."""
     weight = np.sin(_TILTS)
