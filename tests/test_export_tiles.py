@@ -6,7 +6,13 @@ The store is small; the limit from which on a painting is written by tiles is lo
 from __future__ import annotations
 
 import json
+import os
+import resource
+import shutil
+import signal
+import sys
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +25,7 @@ import impasto
 from command_line import complaint
 from impasto import export
 from impasto.cli import main, scale
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, CorruptInputError
 from impasto.export import formats, iiif
 from impasto.io import read_image
 from killed_jobs import stack
@@ -197,3 +203,105 @@ def test_a_store_without_scales_is_refused(store: Path, tmp_path: Path) -> None:
 def test_a_small_store_is_loaded(store: Path, tmp_path: Path) -> None:
     export.to("normal-map", impasto.open_sbrdf(store), tmp_path / "a.png")
     assert read_image(tmp_path / "a.png").shape == (3, ROWS, COLUMNS)
+
+
+def masked(shape: tuple[int, int]) -> impasto.Stack:
+    """The lower half is no painting."""
+    whole = stack(shape)
+    mask = np.ones(shape, np.bool_)
+    mask[shape[0] // 2 :] = False
+    return impasto.Stack(
+        whole.samples, lights=whole.rig, saturation=whole.saturation, scale=whole.scale, mask=mask
+    )
+
+
+@pytest.fixture(scope="module")
+def odd_stores(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A line, a painting half of which is unknown, lobes of Lafortune."""
+    folder = tmp_path_factory.mktemp("stores")
+    none: dict[str, Any] = {"pooling": "none", "tile": 64}
+    wanted: dict[str, tuple[impasto.Stack, dict[str, Any]]] = {
+        "line": (stack((3, 300)), none),
+        "half": (masked((130, 70)), none),
+        "lafortune": (stack((65, 66)), {"model": "lafortune", "lobes": 1, "tile": 32}),
+    }
+    found = {}
+    for name, (photographs, options) in wanted.items():
+        found[name] = folder / f"{name}.zarr"
+        impasto.run(photographs, found[name], **options)
+    return found
+
+
+@pytest.mark.parametrize("name", ["line", "half", "lafortune"])
+def test_odd_paintings_are_tiled(
+    name: str, odd_stores: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (formats, iiif):
+        monkeypatch.setattr(module, "LOADED", 100)
+    stored = impasto.open_sbrdf(odd_stores[name])
+    for kind, out in (
+        ("openlime", "a"),
+        ("iiif", "b"),
+        ("height", "c.tif"),
+        ("normal-map", "d.tif"),
+    ):
+        report = export.to(kind, stored, tmp_path / out)  # type: ignore[arg-type]
+        numbers = [report.p50, report.p99, *report.measured.values()]
+        assert np.isfinite([one for one in numbers if one is not None]).all()
+        if report.p50 is not None:
+            assert report.p50 < 3.0
+    assert read_image(tmp_path / "d.tif").shape == (3, *stored.shape)
+    kd = deep_zoom(tmp_path / "a", "kd", int(np.ceil(np.log2(max(stored.shape)))))
+    if name == "half":
+        assert not kd[:, 65:].any()
+        assert kd[:, :65].any()
+
+
+@pytest.mark.usefixtures("large")
+def test_a_damaged_store_leaves_nothing(store: Path, tmp_path: Path) -> None:
+    """The last chunk of the normals is cut off; tiles before it were written already."""
+    copy = tmp_path / "copy.zarr"
+    shutil.copytree(store, copy)
+    chunks = sorted(path for path in (copy / "normal").rglob("*") if path.is_file())
+    last = max((path for path in chunks if path.name != "zarr.json"), key=lambda path: path.parts)
+    last.write_bytes(last.read_bytes()[:40])
+    for kind, out in (
+        ("openlime", "a"),
+        ("iiif", "b"),
+        ("height", "c.tif"),
+        ("normal-map", "d.tif"),
+    ):
+        with pytest.raises(CorruptInputError, match="copy.zarr"):
+            export.to(kind, impasto.open_sbrdf(copy), tmp_path / out)  # type: ignore[arg-type]
+    assert [path.name for path in tmp_path.iterdir()] == ["copy.zarr"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits the size of files")
+@pytest.mark.parametrize(
+    ("kind", "out"),
+    [("openlime", "a"), ("iiif", "b"), ("height", "c.tif"), ("normal-map", "d.tif")],
+)
+@pytest.mark.usefixtures("large")
+def test_a_full_disk_leaves_nothing_and_names_the_file(
+    kind: Any, out: str, store: Path, tmp_path: Path
+) -> None:
+    """No file may have more than 3000 bytes, as on a disk that is full after as many."""
+
+    def work() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+        try:
+            export.to(kind, impasto.open_sbrdf(store), tmp_path / out)
+        except OSError as error:
+            os._exit(17 if str(tmp_path / out) in str(error) else 18)
+
+    assert os.waitstatus_to_exitcode(waited(work)) == 17
+    assert list(tmp_path.iterdir()) == []
+
+
+def waited(work: Callable[[], None]) -> int:
+    """The status of a child that does some work."""
+    if (child := os.fork()) == 0:
+        work()
+        os._exit(0)
+    return os.waitpid(child, 0)[1]

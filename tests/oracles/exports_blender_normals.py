@@ -1,6 +1,6 @@
 """Blender's side of ``exports.py``: a normal map on a plane, under a lamp from each side.
 
-    blender -b --factory-startup --python exports_blender_normals.py -- NORMAL.png FOLDER WIDTH HEIGHT
+    blender -b --factory-startup --python exports_blender_normals.py -- MAP.png FOLDER WIDTH HEIGHT
 
 Writes ``left.exr``, ``right.exr``, ``above.exr`` and ``below.exr``: a white matte plane as the map
 tilts it, under a sun at 30 degrees above the plane in whose full light a white board is 1. The map

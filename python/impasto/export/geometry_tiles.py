@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from impasto.export.source import Map
 from impasto.export.stored import LOADED, StoredSource
 from impasto.export.textures import FLAT, coded_normals, decoded_normals
 from impasto.fit.stored.height import height_rows
+from impasto.io.files import as_problem_of
 from impasto.io.images.bands_of_rows import TIFF_TILE, write_tiff_rows
 
 SUFFIXES = (".tif", ".tiff")
@@ -42,9 +44,10 @@ def export_height_tiles(source: StoredSource, out: Path) -> LossReport:
         # Not a memory map: a full disk is then an error that can be told, not a signal.
         raw = path.with_name("heights")
         low, high = np.inf, -np.inf
-        with raw.open("wb") as file:
+        with raw.open("wb", buffering=0) as file:
             for band in height_rows(_normals(source), source.shape, source.pitch_mm or 1.0):
-                file.write(band[0].astype(np.float32).tobytes())
+                with as_problem_of(path):
+                    _write_all(file, band[0].astype(np.float32).tobytes())
                 low, high = min(low, float(band.min())), max(high, float(band.max()))
         step = max(high - low, 1e-9) / 65535.0
         facts = {
@@ -115,6 +118,13 @@ def export_normal_map_tiles(source: StoredSource, out: Path) -> LossReport:
         )
         report.save(beside)
     return report
+
+
+def _write_all(file: FileIO, data: bytes) -> None:
+    """Write bytes without a buffer, whose rest would be written when the file is closed."""
+    left = memoryview(data)
+    while left:
+        left = left[file.write(left) :]
 
 
 def normals_of(source: StoredSource, window: Window) -> Map:

@@ -194,6 +194,7 @@ class Pyramid:
         self._tops = [0 for _ in self._factors]
         self._whole: list[list[NDArray[np.uint8]]] = [[] for _ in self._factors]
         self._kept = [rows * columns <= LOADED for rows, columns in map(self._size, self._factors)]
+        self._kept[-1] = True
         self._step = max(1, math.isqrt(shape[0] * shape[1] // COMPARED))
         self._meant: list[Map] = []
         self._image: Image | None = None
@@ -275,7 +276,9 @@ class Pyramid:
     def _put(self, folder: Path, codes: NDArray[np.uint8]) -> None:
         target = folder / "0"
         target.mkdir(parents=True, exist_ok=True)
-        write_jpeg(target / "default.jpg", codes, quality=self._quality, icc=self._icc)
+        # As planes: of one or three rows it could not be told where the channels are.
+        planes = np.moveaxis(codes, -1, 0)
+        write_jpeg(target / "default.jpg", planes, quality=self._quality, icc=self._icc)
 
     def _sampled(self, left: int, top: int) -> bool:
         """Whether a tile is one of some, spread evenly."""

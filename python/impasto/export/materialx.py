@@ -39,7 +39,7 @@ MATERIALS = {
 def export_materialx(source: Source, out: Path) -> LossReport:
     """Write a folder with ``painting.mtlx`` and its textures.
 
-    The strongest highlight of the painting sets the index of refraction; ``specular_color`` is the share
+    The strongest highlight sets the index of refraction; ``specular_color`` is the share
     of it that a pixel has. A material has no size: the painting's is in the document's comment.
     """
     with export_folder(out) as folder:
@@ -95,8 +95,8 @@ def _write(folder: Path, source: Source, strongest: float, loss: str) -> None:
         for name, kind, node in connected:
             ET.SubElement(shader, "input", name=name, type=kind, nodename=node)
         own = ET.SubElement(root, "surfacematerial", name=material, type="material")
-        source = {"name": "surfaceshader", "type": "surfaceshader"}
-        ET.SubElement(own, "input", source, nodename=shader.get("name", ""))
+        lit = {"name": "surfaceshader", "type": "surfaceshader"}
+        ET.SubElement(own, "input", lit, nodename=shader.get("name", ""))
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     atomic_bytes(folder / DOCUMENT, text.encode("utf-8"))
