@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from cleaned_painting import cleaned_painting, fitted
 from overlapping_frames import Shot, scene
 
 SIZE = (110, 140)
+PITCH_MM = 0.2
 SHOTS = {
     "shifted by parts of a pixel": Shot(91.37, 65.71),
     "rotated by 0.6°, scaled by 1.02, leaning by 1.3°": Shot(
@@ -189,8 +191,12 @@ def cleaned() -> list[dict[str, Any]]:
     patch = np.zeros(SIZE, np.bool_)
     patch[30:80, 40:100] = True
     one = cleaned_painting(SIZE, patch)
-    fits = fitted(one.before, 1), fitted(one.after, 2)
+    fits = [
+        replace(fit, rig=impasto.Rig(fit.rig, pitch_mm=PITCH_MM))
+        for fit in (fitted(one.before, 1), fitted(one.after, 2))
+    ]
     found, _ = compared(*fits, align="same")
+    print(found)
     assert found.maps is not None
     rows = []
     for name, inside in (("in the patch", patch), ("outside of it", ~patch)):
