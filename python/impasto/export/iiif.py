@@ -127,10 +127,10 @@ def _export(
 ) -> LossReport:
     rows, columns = shape
     with export_folder(out) as folder:
-        pyramid = Pyramid(folder, shape, quality)
+        tiled = TiledPicture(folder, shape, quality)
         for strip in strips:
-            pyramid.add(strip)
-        sizes = pyramid.finish()
+            tiled.add(strip)
+        sizes = tiled.finish()
         info: dict[str, Any] = {
             "@context": CONTEXT,
             "id": url or f"{PLACEHOLDER}/{quote(out.name)}",
@@ -146,7 +146,7 @@ def _export(
             info |= {"maxWidth": sizes[0]["width"], "maxHeight": sizes[0]["height"]}
         write_json(folder / "info.json", info)
         files = [path for path in folder.rglob("*") if path.is_file()]
-        report = _report(pyramid.differences, written(files, folder), url)
+        report = _report(tiled.differences, written(files, folder), url)
         report.save(folder / REPORT)
     return report
 
@@ -171,7 +171,7 @@ def factors_of(shape: tuple[int, int]) -> list[int]:
     return [1 << level for level in range(steps)]
 
 
-class Pyramid:
+class TiledPicture:
     """Tiles and whole pictures at all scales, from rows of the largest one.
 
     Each further scale is the mean of the light of 2 x 2 pixels of the one before, with the sizes
