@@ -193,11 +193,16 @@ def test_what_is_not_tiled_says_what_to_do(
 
 
 @pytest.mark.usefixtures("large")
-def test_a_store_without_scales_is_refused(store: Path, tmp_path: Path) -> None:
+def test_a_store_without_scales_is_refused_where_they_are_needed(
+    store: Path, tmp_path: Path
+) -> None:
     impasto.load_sbrdf(store).save(tmp_path / "bare.zarr")
     with pytest.raises(ArgumentError, match="no smaller scales"):
         export.to("openlime", impasto.open_sbrdf(tmp_path / "bare.zarr"), tmp_path / "a")
     assert not (tmp_path / "a").exists()
+    # Others need none.
+    export.to("normal-map", impasto.open_sbrdf(tmp_path / "bare.zarr"), tmp_path / "b.tif")
+    assert read_image(tmp_path / "b.tif").shape == (3, ROWS, COLUMNS)
 
 
 def test_a_small_store_is_loaded(store: Path, tmp_path: Path) -> None:

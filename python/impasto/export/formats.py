@@ -145,7 +145,6 @@ def _tiled(format: Format, source: StoredSource, path: Path, options: dict[str, 
             f"result: {source.stored.path} ({columns} x {rows} pixels) is too large for {format}, "
             f"which is written whole; {kind.instead}"
         )
-    source.check_scales()
     if not source.known():
         raise ArgumentError(NOTHING)
     return kind.tiled(source, path, **options)

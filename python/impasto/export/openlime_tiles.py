@@ -38,6 +38,7 @@ def export_openlime_tiles(source: StoredSource, out: Path) -> LossReport:
     The layout of the layer is ``deepzoom1px``. The loss is measured in nine tiles of the largest
     scale.
     """
+    source.check_scales()
     brightness = brightness_of(textures(source.overview(), "ward").diffuse)
     options = brdf_options("deepzoom1px", ".dzi")
     content: dict[str, Any] = {"layers": {"brdf": options}, "brightness": brightness}

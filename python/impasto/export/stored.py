@@ -110,12 +110,15 @@ class StoredSource:
             rows, columns = self.shape
             raise ArgumentError(
                 f"result: {self.stored.path} holds {columns} x {rows} pixels and no smaller "
-                "scales, of which exports are made; impasto job run makes stores that have them"
+                "scales, of which this export is made; impasto job run makes stores that have them"
             )
 
     def known(self) -> bool:
         """Whether any pixel has a normal and colours."""
-        return bool(np.isfinite(self._smallest.normal[2]).any())
+        if self.stored.factors:
+            return bool(np.isfinite(self._smallest.normal[2]).any())
+        parts = (self.stored.map("normal", *part) for part in self.stored.windows())
+        return any(np.isfinite(part[2]).any() for part in parts)
 
     def sampled(self, side: int) -> Iterator[tuple[int, int, Window]]:
         """Row and column of some tiles with known pixels, spread evenly, and their windows.
