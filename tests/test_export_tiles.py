@@ -276,7 +276,7 @@ def test_a_damaged_store_leaves_nothing(store: Path, tmp_path: Path) -> None:
         ("height", "c.tif"),
         ("normal-map", "d.tif"),
     ):
-        with pytest.raises(CorruptInputError, match="copy.zarr"):
+        with pytest.raises(CorruptInputError, match=r"copy\.zarr"):
             export.to(kind, impasto.open_sbrdf(copy), tmp_path / out)  # type: ignore[arg-type]
     assert [path.name for path in tmp_path.iterdir()] == ["copy.zarr"]
 

@@ -9,8 +9,8 @@ of the map.
 """
 
 import math
-import os
 import sys
+from pathlib import Path
 
 import bpy
 import mathutils
@@ -28,7 +28,7 @@ material.use_nodes = True
 nodes, links = material.node_tree.nodes, material.node_tree.links
 nodes.clear()
 image = nodes.new("ShaderNodeTexImage")
-image.image = bpy.data.images.load(os.path.abspath(picture))
+image.image = bpy.data.images.load(str(Path(picture).resolve()))
 image.image.colorspace_settings.name = "Non-Color"
 image.interpolation = "Closest"
 tilt = nodes.new("ShaderNodeNormalMap")
@@ -61,6 +61,6 @@ across, rise = math.cos(math.pi / 6), math.sin(math.pi / 6)
 for name, x, y in (("left", -1, 0), ("right", 1, 0), ("above", 0, 1), ("below", 0, -1)):
     travels = mathutils.Vector((-across * x, -across * y, -rise))
     lamp.rotation_euler = travels.to_track_quat("-Z", "Y").to_euler()
-    scene.render.filepath = os.path.join(os.path.abspath(folder), name + ".exr")
+    scene.render.filepath = str(Path(folder).resolve() / f"{name}.exr")
     bpy.ops.render.render(write_still=True)
 sys.stdout.write(f"\nIMPASTO {bpy.app.version_string.split()[0]}\n")

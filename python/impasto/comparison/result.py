@@ -126,7 +126,7 @@ class Comparison:
     def picture(self) -> Picture:
         """``(y, x, 3)`` uint8: before, after, the three maps, what changed, and their scales."""
         return comparison_picture(
-            self.overview, self.names, self.quantities, self.compared, self.illuminant
+            self.overview, self.names, self.quantities, self.compared, self.illuminant, self.extent
         )
 
     def rows(self) -> dict[str, object]:
