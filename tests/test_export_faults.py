@@ -131,6 +131,16 @@ def test_a_quality_that_is_none_is_refused(quality: Any, tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("name", "out"), [("usd", "a"), ("gltf", "a.glb")])
+def test_a_place_below_a_file_is_none(name: Any, out: str, tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(ArgumentError, match=r"out: .* lie in .*letter\.txt, which is a file"):
+        export.to(name, surface(), tmp_path / "letter.txt" / out)
+    with pytest.raises(ArgumentError, match=r"out: .* lie in .*letter\.txt.* is a file"):
+        export.to(name, surface(), tmp_path / "letter.txt" / "more" / out)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+
+
 @pytest.mark.parametrize(
     ("name", "out"), [("gltf", "a.glb"), ("ptm", "a.ptm"), ("height", "a.tif")]
 )

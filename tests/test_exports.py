@@ -384,6 +384,15 @@ def test_the_programs_that_the_formats_are_for_opened_them() -> None:
     assert found["usd"]["size"][:2] == [(opened.COLUMNS - 1) * 0.5, (opened.ROWS - 1) * 0.5]
     assert found["materialx"]["valid"]
     assert found["materialx"]["missing"] == []
+    assert found["materialx"]["undeclared"] == []
+    assert found["materialx"]["surfaces"] == ["standard_surface", "open_pbr_surface"]
+    assert min(found["materialx"]["shader_lines"].values()) > 1000
+    # The side of a dome that leans towards the lamp is the bright one: right is right, up is up.
+    # Where shading is not softened as it is on bright slopes, Blender shows what we do.
+    for side in ("left", "right", "above", "below"):
+        shown = found["blender_normals"][side]
+        assert shown["towards_the_lamp"] > 1.3 * shown["away_from_it"]
+        assert shown["difference_p50"] < 0.01
     for one in found["gltf_validator"].values():
         assert (one["numErrors"], one["numWarnings"]) == (0, 0)
     # Blender's panel stands upright: its height is along z. A just noticeable difference is 1.

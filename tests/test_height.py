@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import impasto
+import impasto.export
 from impasto import ArgumentError
 
 
@@ -81,3 +84,26 @@ def test_no_normal_at_all_is_flat() -> None:
 def test_wrong_arguments_are_named(normal: np.ndarray, pitch: float, words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         impasto.integrate_normals(normal, pitch)
+
+
+def test_a_fit_has_its_height(tmp_path: Path) -> None:
+    """From the photographs of a known surface, in mm, by one call; exports write the same."""
+    truth, normal = known(48, 64, 0.25)
+    lights = np.array([(x, y, 0.8) for x, y in ((0.6, 0), (0, 0.6), (-0.6, 0), (0, -0.6))])
+    shown = impasto.Surface(normal, np.full((3, 48, 64), 0.5)).predict(lights)
+    fit = impasto.fit_sbrdf(
+        impasto.Stack(shown, lights=impasto.Rig(lights, pitch_mm=0.25)), pooling="none"
+    )
+    found = fit.height()
+    assert found.shape == (48, 64)
+    # As above with 64 columns; matte photographs without noise have exact normals.
+    assert relative(found, truth) < 2e-3
+    np.testing.assert_allclose(fit.height(0.5), 2.0 * found, rtol=1e-6, atol=1e-6)
+    level = impasto.find_level(fit.normal)
+    np.testing.assert_array_equal(fit.height(level=True), fit.height(level=level))
+    assert np.abs(fit.height(level=True) - found).max() > 0.1 * np.ptp(found)
+    impasto.export.to("height", fit, tmp_path / "a.exr")
+    stored = impasto.io.read_image(tmp_path / "a.exr")[0]
+    np.testing.assert_allclose(stored, found - found.mean(), atol=1e-6 * np.ptp(found))
+    with pytest.raises(ArgumentError, match="pitch_mm"):
+        fit.height(-1.0)

@@ -20,6 +20,7 @@ import impasto
 from impasto import DistantLight, Scene, _core
 from impasto.colour import Display
 from impasto.image import _CURVES, tone_curve
+from impasto.io import read_image
 
 LIGHT = DistantLight((0.3, 0.4, 0.8))
 
@@ -186,3 +187,24 @@ def test_a_long_profile_fills_several_segments_of_a_jpeg(tmp_path: Path) -> None
         assert file.info["icc_profile"] == profile
         assert file.info["jfif"]
         assert np.asarray(file).max() == 0
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
+def test_a_picture_of_one_or_three_rows_is_saved_as_it_is(
+    rows: int, name: str, tmp_path: Path
+) -> None:
+    """Its rows are not taken for its channels."""
+    shades = np.linspace(0.1, 0.9, 40)[None, None] * np.array([0.2, 0.5, 0.9])[:, None, None]
+    flat = np.zeros((3, rows, 40))
+    flat[2] = 1.0
+    surface = impasto.Surface(flat, shades * np.ones((3, rows, 40)))
+    scene = impasto.Scene([impasto.DistantLight((0.0, 0.0, 1.0))], exposure=1.0)
+    image = impasto.render(surface, scene)
+    image.save(tmp_path / name)
+    found = read_image(tmp_path / name)
+    full = float(np.iinfo(found.dtype).max)
+    shown = np.moveaxis(image.display, -1, 0)
+    assert found.shape == shown.shape
+    # Codes of 8 bits, of 16 bits rounded otherwise, or of a JPEG of a smooth ramp.
+    assert np.abs(255.0 * found / full - shown).max() <= 4.0

@@ -9,11 +9,18 @@ simulated painting with spectra. ``icon``: photographs that were held out of the
 lights: mean PSNR on coded values, the size of the files, seconds. relight's files are read by
 ``impasto.io.read_relightable``; its seconds are from the record beside them, on another machine.
 ``--write`` records benches/results/exports.json and a picture beside it.
+
+    python benches/python/exports.py --tiles [--write]
+
+How much memory exports of stores take beyond that of the process (Linux), with stores of two sizes
+that are taken for large ones; ``--write`` records benches/results/export_tiles.json.
 """
 
 from __future__ import annotations
 
 import argparse
+import multiprocessing
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -30,6 +37,7 @@ from impasto.io import read_relightable, read_stack, write_jpeg
 from impasto.io.rti import RelightableImage
 from impasto.pictures import Panel, contact_sheet
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 SEED = 0
 SIZE = (192, 256)
 PICTURED = 12
@@ -142,11 +150,72 @@ def icon(data: Path, folder: Path) -> tuple[list[dict[str, Any]], dict[str, np.n
     return rows, pictures
 
 
+def tiled(folder: Path) -> list[dict[str, Any]]:
+    """A row per store and format; every export is a process of its own."""
+    from impasto.export import formats, iiif
+    from killed_jobs import stack
+
+    # A quarter of a megapixel is large: whole pictures and levels are then as small as for 1 Gpx.
+    formats.LOADED = iiif.LOADED = 2**18
+    rows = []
+    photographs = stack((600, 1500))
+    for times in (1, 6):
+        store = folder / f"{times}.impasto.zarr"
+        samples = np.concatenate([photographs.samples] * times, axis=2)
+        about = {"saturation": photographs.saturation, "scale": photographs.scale}
+        painting = impasto.Stack(samples, lights=photographs.rig, **about)
+        impasto.run(painting, store, pooling="none", tile=256)
+        for name, kind in export.FORMATS.items():
+            if kind.tiled is None:
+                continue
+            out = folder / f"{times}-{name}{'.tif' if kind.suffix else ''}"
+            receive, send = multiprocessing.Pipe(duplex=False)
+            child = multiprocessing.get_context("fork").Process(
+                target=_measured, args=(name, store, out, send)
+            )
+            child.start()
+            rows.append({"format": name, "Mpx": round(0.9 * times, 1), **receive.recv()})
+            child.join()
+    return rows
+
+
+def _measured(name: Any, store: Path, out: Path, send: Any) -> None:
+    stored = impasto.open_sbrdf(store)
+    # What is imported and remembered is no part of it.
+    export.to("iiif", stored[:64, :64], out.with_name(f"first-{out.name}"))
+    Path("/proc/self/clear_refs").write_text("5")
+    before, start = _most_kb(), time.process_time()
+    report = export.to(name, stored, out)
+    spent = time.process_time() - start
+    send.send(
+        {
+            "MB of memory": round((_most_kb() - before) / 1024, 1),
+            "processor s": round(spent, 1),
+            "files": len(report.files),
+            "MB": round(sum(size for _, size in report.files) / 1e6, 2),
+        }
+    )
+
+
+def _most_kb() -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--tiles", action="store_true")
     options = parser.parse_args()
+    if options.tiles:
+        with tempfile.TemporaryDirectory() as name:
+            rows = tiled(Path(name))
+        show("exports of stores, tile by tile", rows)
+        if options.write:
+            run = run_info("python benches/python/exports.py --tiles --write")
+            write("export_tiles.json", {"run": run, "rows": rows})
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rows, pictures = icon(options.data, folder)

@@ -194,9 +194,9 @@ class Image:
         suffix = checked_suffix(path)
         icc = icc_profile(self.screen)
         if suffix == ".png":
-            write_png8(path, self.display, icc=icc)
+            write_png8(path, np.moveaxis(self.display, -1, 0), icc=icc)
         elif suffix in {".jpg", ".jpeg"}:
-            write_jpeg(path, self.display, icc=icc)
+            write_jpeg(path, np.moveaxis(self.display, -1, 0), icc=icc)
         elif suffix in {".tif", ".tiff"}:
             write_tiff16(path, self.screen.encode(self.linear), icc=icc)
         else:

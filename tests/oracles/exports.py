@@ -1,7 +1,9 @@
 """Exports opened by the programs that they are for; writes ``exports.json`` beside this file.
 
-    python tests/oracles/exports.py
+    python tests/oracles/exports.py [mitsuba blender blender_normals usd materialx gltf_validator]
 
+With names only these programs are asked, and the others' numbers stay. ``blender_normals`` also
+writes ``exports_blender.png``: a normal map in Blender under four lamps, above what impasto shows.
 Needs mitsuba, usd-core and materialx from PyPI, Debian's blender and python3-numpy, node, and
 gltf-validator from npm in ``node_modules`` of the current folder. ``tests/test_exports.py`` reads
 the numbers; it needs none of these.
@@ -142,6 +144,58 @@ def of_blender(folder: Path) -> dict[str, Any]:
     }
 
 
+def dome() -> Any:
+    """A matte panel with a dome on it: its left side leans left, its upper side up."""
+    import impasto
+
+    y, x = np.mgrid[:48, :64]
+    right, up = (x - 31.5) / 16.0, (23.5 - y) / 16.0
+    height = np.exp(-(right**2) - up**2)
+    slope = 1.2 * height
+    normal = np.stack([slope * right, slope * up, np.ones_like(height)])
+    normal /= np.linalg.norm(normal, axis=0)
+    return impasto.Surface(normal, np.ones((3, 48, 64)), pitch_mm=0.5)
+
+
+def of_blender_normals(folder: Path) -> dict[str, Any]:
+    from impasto import DistantLight, Scene, export, render
+    from impasto.io import read_image, write_png8
+
+    painting = dome()
+    rows, columns = painting.shape
+    export.to("normal-map", painting, folder / "normal.png")
+    command = ["blender", "-b", "--factory-startup", "--python"]
+    command += [str(FILE.with_name("exports_blender_normals.py")), "--"]
+    command += [str(folder / "normal.png"), str(folder), str(columns), str(rows)]
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=own)
+    found: dict[str, Any] = {"version": done.stdout.split("IMPASTO ")[1].split()[0]}
+    across, rise = 0.75**0.5, 0.5
+    sides = {"left": (-1, 0), "right": (1, 0), "above": (0, 1), "below": (0, -1)}
+    panels = []
+    for name, (x, y) in sides.items():
+        theirs = read_image(folder / f"{name}.exr")[:3]
+        light = DistantLight((across * x, across * y, rise))
+        ours = render(painting, Scene([light], exposure=1.0)).linear
+        towards, away = {
+            "left": (theirs[:, :, :32], theirs[:, :, 32:]),
+            "right": (theirs[:, :, 32:], theirs[:, :, :32]),
+            "above": (theirs[:, :24], theirs[:, 24:]),
+            "below": (theirs[:, 24:], theirs[:, :24]),
+        }[name]
+        found[name] = {
+            "towards_the_lamp": float(towards.mean()),
+            "away_from_it": float(away.mean()),
+            "difference_p50": float(np.median(np.abs(theirs - ours))),
+            "difference_p99": float(np.percentile(np.abs(theirs - ours), 99)),
+        }
+        panels.append(np.concatenate([theirs, ours], axis=1))
+    picture = np.clip(np.concatenate(panels, axis=2), 0.0, 1.0) ** (1 / 2.2)
+    large = np.rint(255.0 * picture.repeat(4, axis=1).repeat(4, axis=2)).astype(np.uint8)
+    write_png8(FILE.with_name("exports_blender.png"), large)
+    return found
+
+
 def of_usd(folder: Path) -> dict[str, Any]:
     from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 
@@ -189,15 +243,23 @@ def of_materialx(folder: Path) -> dict[str, Any]:
     MaterialX.readFromXmlFile(document, str(folder / "materialx" / "painting.mtlx"))
     document.setDataLibrary(library)
     valid, message = document.validate()
-    generator = PyMaterialXGenGlsl.GlslShaderGenerator.create()
-    context = PyMaterialXGenShader.GenContext(generator)
-    context.registerSourceCodeSearchPath(path)
-    management = PyMaterialXGenShader.DefaultColorManagementSystem.create(generator.getTarget())
-    management.loadLibrary(library)
-    generator.setColorManagementSystem(management)
-    node = document.getMaterialNodes()[0]
-    shader = generator.generate("painting", node, context)
-    source = shader.getSourceCode(PyMaterialXGenShader.PIXEL_STAGE)
+    lines = {}
+    for node in document.getMaterialNodes():
+        generator = PyMaterialXGenGlsl.GlslShaderGenerator.create()
+        context = PyMaterialXGenShader.GenContext(generator)
+        context.registerSourceCodeSearchPath(path)
+        management = PyMaterialXGenShader.DefaultColorManagementSystem.create(generator.getTarget())
+        management.loadLibrary(library)
+        generator.setColorManagementSystem(management)
+        shader = generator.generate(node.getName(), node, context)
+        source = shader.getSourceCode(PyMaterialXGenShader.PIXEL_STAGE)
+        lines[node.getName()] = source.count("\n")
+    undeclared = [
+        f"{node.getName()}.{one.getName()}"
+        for node in document.getNodes()
+        for one in node.getInputs()
+        if (about := node.getNodeDef()) is None or about.getActiveInput(one.getName()) is None
+    ]
     return {
         "version": MaterialX.getVersionString(),
         "valid": bool(valid),
@@ -212,7 +274,8 @@ def of_materialx(folder: Path) -> dict[str, Any]:
             if one.getName() == "file"
             and not (folder / "materialx" / one.getValueString()).is_file()
         ],
-        "shader_lines": source.count("\n"),
+        "undeclared": undeclared,
+        "shader_lines": lines,
     }
 
 
@@ -230,17 +293,23 @@ def of_validator(folder: Path) -> dict[str, Any]:
     return found
 
 
+PROGRAMS = {
+    "mitsuba": of_mitsuba,
+    "blender": of_blender,
+    "blender_normals": of_blender_normals,
+    "usd": of_usd,
+    "materialx": of_materialx,
+    "gltf_validator": of_validator,
+}
+
+
 def main() -> None:
+    wanted = sys.argv[1:] or list(PROGRAMS)
+    found = json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
+    found["command"] = "python tests/oracles/exports.py"
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        found = {
-            "command": "python tests/oracles/exports.py",
-            "mitsuba": of_mitsuba(folder),
-            "blender": of_blender(folder),
-            "usd": of_usd(folder),
-            "materialx": of_materialx(folder),
-            "gltf_validator": of_validator(folder),
-        }
+        for program in wanted:
+            found[program] = PROGRAMS[program](Path(name))
     FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(FILE.read_text())
 

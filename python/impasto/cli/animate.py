@@ -262,4 +262,5 @@ def _write_frames(
 
     digits = len(str(frames - 1))
     for number, codes in enumerate(pictures):
-        write_png8(folder / f"frame-{number:0{digits}}.png", codes, icc=icc)
+        planes = np.moveaxis(codes, -1, 0)
+        write_png8(folder / f"frame-{number:0{digits}}.png", planes, icc=icc)

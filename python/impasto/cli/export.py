@@ -25,7 +25,7 @@ Folder = Annotated[Path, Parameter(help="A new folder, or one that an export wro
 Displaced = Annotated[bool, Parameter(negative="", show_default=False, help=(
     "A mesh of the relief, one point per pixel, instead of a flat panel."
 ))]  # fmt: skip
-FORMATS = {
+WORDS = {
     "web": "A web page with impasto's viewer.",
     "openlime": "A folder of layers for the viewer OpenLIME.",
     "relight": "A folder for relight's tools and RTI viewers.",
@@ -67,7 +67,7 @@ class Common:
 def application() -> App:
     """The commands below ``impasto export``."""
     app = App(name="export", help="Write a fitted painting in a format of other programs.")
-    for name, words in FORMATS.items():
+    for name, words in WORDS.items():
         app.command(f"impasto.cli.export:{name.replace('-', '_')}", name=name, help=words)
     return app
 
@@ -230,6 +230,7 @@ def _export(
     from impasto import export
     from impasto.cli.maps import name_of
     from impasto.cli.scale import scale_of, shown
+    from impasto.export import FORMATS
 
     common = common or Common()
     stages = Stages(quiet=common.quiet)
@@ -241,12 +242,13 @@ def _export(
         part = shown(result, common.region, None, 1)
     else:
         part = scale_of(result, common.width)
-    if part.in_parts:
+    tiled = FORMATS[format_].tiled is not None and not part.detail
+    if part.in_parts and not tiled:
         rows, columns = part.surface.shape
         raise ArgumentError(
-            f"--width: {result} ({columns} x {rows} pixels) is too large to be exported whole; "
-            "give the columns of a scale that it holds, of 16 million pixels at most, or --region "
-            "for a detail"
+            f"--width: {result} ({columns} x {rows} pixels) is too large to be exported whole as "
+            f"{format_}; give the columns of a scale that it holds, of 16 million pixels at most, "
+            "or --region for a detail of as many"
         )
     with stages.warned(), stages.stage(format_) as stage:
         report = export.to(

@@ -7,6 +7,8 @@ from impasto.comparison.comparing import compare, load_comparison
 from impasto.comparison.entries import (
     Area,
     Changed,
+    Cluster,
+    ClusterExtent,
     Compared,
     ComparisonMaps,
     GlossChange,
@@ -18,6 +20,8 @@ from impasto.comparison.result import Comparison
 __all__ = [
     "Area",
     "Changed",
+    "Cluster",
+    "ClusterExtent",
     "Compared",
     "Comparison",
     "ComparisonMaps",

@@ -40,13 +40,22 @@ class Bounds:
     beta
         Of the sum of the lobes' strengths in the mean of the bands; NaN where the gloss is that of
         the whole painting.
+    shape
+        ``(lobe, y, x)`` of the logarithm of each lobe's last shape number, where the normal was
+        given to the fit; otherwise the fit's own.
     """
 
     diffuse: Planes
     beta: Planes
+    shape: Planes
 
 
-def bounds_of(part: Sbrdf, deviation: Planes, gamma_sigma: NDArray[np.float32] | None) -> Bounds:
+def bounds_of(
+    part: Sbrdf,
+    deviation: Planes,
+    gamma_sigma: NDArray[np.float32] | None,
+    given_normal: Planes | None = None,
+) -> Bounds:
     """The bounds of a part of a result.
 
     Widths have the errors of the fit, which knows from other pixels how wide lobes are; light of no
@@ -63,6 +72,9 @@ def bounds_of(part: Sbrdf, deviation: Planes, gamma_sigma: NDArray[np.float32] |
     gamma_sigma
         ``(lobe, y, x)`` standard deviation of the logarithm of the lobes' last shape number; None:
         the gloss is that of the whole painting, and known.
+    given_normal
+        ``(y, x)`` standard deviation, radians, of normals that lobes were fitted about and did not
+        change; shapes were then free. None: normals were fitted with the lobes.
     """
     base = _one_band(part.surface(), part.shape)
     bands = len(part.bands)
@@ -85,32 +97,47 @@ def bounds_of(part: Sbrdf, deviation: Planes, gamma_sigma: NDArray[np.float32] |
     if level > 0.0:
         columns.append(np.ones_like(columns[0]))
         ridge.append((deviation / level) ** 2)
-    # ... and tilts are shared.
+    # ... and these are shared.
     apart = len(columns)
+    tilts = []
     for up, down in (_tilted(base.normal, 0), _tilted(base.normal, 1)):
         one, other = (shown(replace(base, normal=normal)) for normal in (up, down))
-        columns.append((one - other) / (2.0 * TILT))
-        ridge.append(np.zeros(part.shape))
+        tilts.append((one - other) / (2.0 * TILT))
+    widths = []
+    for lobe in base.lobes[:count]:
+        wide, narrow = (
+            shown(replace(black, lobes=(replace(lobe, shape=_scaled(lobe.shape, factor)),)))
+            for factor in (np.exp(STEP), np.exp(-STEP))
+        )
+        widths.append((wide - narrow) / (2.0 * STEP))
+    columns += tilts if given_normal is None else widths
+    ridge += [np.zeros(part.shape)] * (len(columns) - apart)
     table, prior = np.stack(columns, axis=-1), np.stack(ridge, axis=-1)
     whole = _inverse(table, prior)
     alone = _inverse(table[..., :apart], prior[..., :apart])
     variance = deviation**2 * (alone[..., 0, 0] + (whole[..., 0, 0] - alone[..., 0, 0]) / bands)
     strengths = slice(1, 1 + count)
     spread = deviation**2 * whole[..., strengths, strengths].sum(axis=(2, 3)) / bands
-    for lobe, sigma in zip(base.lobes[:count], () if gamma_sigma is None else gamma_sigma,
-                           strict=True):  # fmt: skip
-        wide, narrow = (
-            shown(replace(black, lobes=(replace(lobe, shape=_scaled(lobe.shape, factor)),)))
-            for factor in (np.exp(STEP), np.exp(-STEP))
-        )
-        # By how much other unknowns move with the width: least squares of its column on theirs.
-        moved = np.einsum("oyxi,oyx->yxi", table, (wide - narrow) / (2.0 * STEP))
+    free = deviation[..., None] ** 2 * np.diagonal(whole, axis1=2, axis2=3)[..., apart:] / bands
+    if given_normal is None:
+        fixed = list(zip(widths, () if gamma_sigma is None else gamma_sigma, strict=True))
+    else:
+        fixed = [(column, given_normal) for column in tilts]
+    for column, sigma in fixed:
+        # By how much unknowns move with what was given: least squares of its column on theirs.
+        moved = np.einsum("oyxi,oyx->yxi", table, column)
         pull = np.einsum("yxij,yxj->yxi", whole, moved) * np.nan_to_num(sigma)[..., None]
         variance = variance + pull[..., 0] ** 2
         spread = spread + pull[..., strengths].sum(axis=-1) ** 2
+        free = free + pull[..., apart:] ** 2
+    if given_normal is not None:
+        shape = np.moveaxis(np.sqrt(free), -1, 0)
+    else:
+        shape = np.zeros((0, *part.shape)) if gamma_sigma is None else gamma_sigma.astype(float)
     return Bounds(
         diffuse=np.sqrt(variance),
         beta=np.sqrt(spread) if count else np.full(part.shape, np.nan),
+        shape=shape,
     )
 
 

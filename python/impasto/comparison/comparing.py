@@ -17,6 +17,7 @@ from impasto._internal.checks import is_whole, number, one_of, truth
 from impasto._internal.damage import DAMAGE
 from impasto.bands import Camera
 from impasto.colour.illuminants import Illuminant
+from impasto.comparison.clusters import ClusterSums
 from impasto.comparison.colours import Spectra, colours_of
 from impasto.comparison.entries import ComparisonMaps, GlossChange
 from impasto.comparison.overview import Overview, OverviewSums
@@ -148,6 +149,7 @@ def compare(
     shape = frames[0].shape
     side = TILE if target is None else min(STORED_TILE, -(-max(shape) // TILE) * TILE)
     sums, summary = OverviewSums(shape), Summary(shape, int(cells), labels)
+    connected = ClusterSums(shape[1])
     # Blocks of an overview do not cross tiles.
     side = max(side // sums.step * sums.step, sums.step)
     grid = Grid(*shape, side)
@@ -160,6 +162,7 @@ def compare(
                 found = comparer.tile(part)
                 sums.add(part, found.overview)
                 summary.add(part, found)
+                connected.add(part, found.maps)
                 if normals is not None:
                     normals[(slice(None), slice(None), *part)] = found.normals
                 yield tile, found.maps
@@ -167,6 +170,11 @@ def compare(
                     callback(count + 1, len(grid))
 
     def result(maps: ComparisonMaps | None, path: Path | None) -> Comparison:
+        extent, clusters = connected.clusters(
+            summary.comparable,
+            resampled=placed.report.sigma > 0.0,
+            pitch_mm=frames[0].result.pitch_mm,
+        )
         return Comparison(
             shape=shape,
             names=(frames[0].name, frames[1].name),
@@ -177,6 +185,8 @@ def compare(
             gloss=_gloss(frames),
             compared=summary.compared,
             areas=summary.areas(),
+            extent=extent,
+            clusters=clusters,
             overview=sums.overview(),
             maps=maps,
             path=path,

@@ -152,6 +152,64 @@ class Area:
     changed: tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class Cluster:
+    """Changed pixels that touch, more of them than chance connects.
+
+    Attributes
+    ----------
+    top, left, rows, columns
+        The smallest rectangle around them, in pixels before.
+    pixels, area_mm2
+        How many there are, and their area on the painting; NaN where the width of a pixel is not
+        known.
+    normal, colour, gloss
+        Means of the angle (degrees) and of dE00, and the geometric mean of the ratio of beta, each
+        within 0.1 to 10; NaN where nothing is known.
+    changed
+        Shares of them whose normal, colour and gloss changed significantly.
+    """
+
+    top: int
+    left: int
+    rows: int
+    columns: int
+    pixels: int
+    area_mm2: float
+    normal: float
+    colour: float
+    gloss: float
+    changed: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ClusterExtent:
+    """From which size on marks that touch are more than chance.
+
+    Attributes
+    ----------
+    critical
+        Pixels of a significant cluster at least; infinite where chance alone connects the marks.
+    familywise
+        Probability that an unchanged painting has one.
+    chance
+        Clusters of any size.
+    continuation
+        Share of chance clusters that grow by one more pixel.
+    found
+        Clusters of that size or more.
+    share
+        Share of the compared pixels that lie in them.
+    """
+
+    critical: float
+    familywise: float
+    chance: int
+    continuation: float
+    found: int
+    share: float
+
+
 @dataclass(frozen=True, eq=False)
 class ComparisonMaps:
     """Maps over the pixels of the painting before; NaN where nothing could be compared.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.comparison.entries import Quantity
+from impasto.comparison.entries import ClusterExtent, Quantity
 from impasto.comparison.overview import Overview
 from impasto.comparison.text import statuses
 from impasto.pictures import (
@@ -37,6 +38,7 @@ def comparison_picture(
     quantities: Sequence[Quantity],
     compared: Mapping[str, int],
     illuminant: str,
+    extent: ClusterExtent,
 ) -> Picture:
     """``(y, x, 3)`` uint8."""
     rows = {one.name: one for one in quantities}
@@ -47,7 +49,7 @@ def comparison_picture(
     panels = [
         colour_panel(overview.before, "Before", white=white),
         colour_panel(overview.after, "After", note="on the pixels of before", white=white),
-        _marks(overview, rows),
+        _marks(overview, rows, extent),
         ramp_panel(
             overview.angle[0], "Normal", unit=_least(rows["normal"], "degrees"), low=0.0,
             scale=float(np.degrees(1.0)),
@@ -65,7 +67,7 @@ def comparison_picture(
     )
 
 
-def _marks(overview: Overview, rows: Mapping[str, Quantity]) -> Panel:
+def _marks(overview: Overview, rows: Mapping[str, Quantity], extent: ClusterExtent) -> Panel:
     """Shares of changed pixels as mixtures of flat colours; the legend gives them for the whole."""
     shares = np.nan_to_num(overview.changed)
     total = shares.sum(axis=0)
@@ -81,7 +83,11 @@ def _marks(overview: Overview, rows: Mapping[str, Quantity]) -> Panel:
         if rows[name].tested
     )
     codes = np.rint(np.where(seen[..., None], picture, board)).astype(np.uint8)
-    return Panel("Changed significantly", codes, classes=classes)
+    note = ""
+    if math.isfinite(extent.critical):
+        many = f"{extent.found} areas" if extent.found != 1 else "1 area"
+        note = f"{many} of {extent.critical:g} pixels or more"
+    return Panel("Changed significantly", codes, note=note, classes=classes)
 
 
 def _board(shape: tuple[int, ...]) -> NDArray[np.float64]:

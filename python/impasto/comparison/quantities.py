@@ -14,7 +14,7 @@ from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.result import PerPixelSbrdf, Sbrdf
-from impasto.fit.segments import SegmentSbrdf
+from impasto.fit.segments import Segment, SegmentSbrdf
 from impasto.merge.resampling import Samples
 from impasto.status import Status
 
@@ -27,6 +27,8 @@ BETWEEN = 0.5
 """Of the difference between cubic and linear interpolation, what counts as its error. With it a
 painting that was photographed again, shifted by parts of a pixel, has about as few marked pixels
 of its normals as one that was not shifted, and still detects changes of a degree."""
+NO_HIGHLIGHT = "no-highlight"
+"""The verdict of a segment whose photographs show none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,27 +82,38 @@ def quantities_of(part: Sbrdf) -> Quantities:
     deviation = part.residual.astype(np.float64) * np.sqrt(samples / freedom)
     normal = part.normal.astype(np.float64)
     own = deviation * np.sqrt(len(part.rig) / np.maximum(used, 1.0))
-    bounds = bounds_of(part, own, _width_errors(part))
+    sigma = part.sigma.astype(np.float64)
+    given = None
+    if isinstance(part, LafortuneSbrdf) and part.verdict == "one-view":
+        # Its normals are those of photometric stereo, and so are their errors, but for residuals
+        # that the lobes explain: these are in both paintings.
+        stereo = np.maximum(part.normals.residual.astype(np.float64), 1e-12)
+        explained = np.minimum(part.residual.astype(np.float64) / stereo, 1.0)
+        sigma = given = part.normals.sigma.astype(np.float64) * explained
+    bounds = bounds_of(part, own, _width_errors(part), given)
     excess = EXCESS if isinstance(part, PerPixelSbrdf) else 1.0
-    beta, gamma, gamma_sigma = _gloss(part)
+    beta, gamma, gamma_sigma = _gloss(part, bounds.shape)
+    beta_sigma = bounds.beta * _beta_unit(part)
+    if isinstance(part, SegmentSbrdf):
+        beta, gamma, beta_sigma, gamma_sigma = _of_segments(part)
     return Quantities(
         lobes=_lobes(part),
         normal=normal,
         diffuse=part.diffuse.astype(np.float64),
-        sigma=part.sigma.astype(np.float64),
+        sigma=sigma,
         noise=bounds.diffuse * excess,
         freedom=freedom,
         beta=beta,
-        beta_sigma=bounds.beta * _beta_unit(part) * excess,
+        beta_sigma=beta_sigma * excess,
         gamma=gamma,
         gamma_sigma=gamma_sigma * excess,
         known=part.status < Status.DARK,
     )
 
 
-def per_pixel(kind: type[Sbrdf]) -> bool:
-    """Whether each pixel has a gloss of its own; else pixels cannot differ in it."""
-    return issubclass(kind, PerPixelSbrdf)
+def has_places(kind: type[Sbrdf]) -> bool:
+    """Whether pixels or segments have a gloss of their own; else it differs all over or not."""
+    return issubclass(kind, PerPixelSbrdf | SegmentSbrdf)
 
 
 def resampled(own: Quantities, samples: Samples, alignment: Alignment) -> Quantities:
@@ -161,14 +174,44 @@ def _width_errors(part: Sbrdf) -> NDArray[np.float32] | None:
     return part.exponent_sigma if isinstance(part, LafortuneSbrdf) else None
 
 
+def _of_segments(part: SegmentSbrdf) -> tuple[Planes, Planes, Planes, Planes]:
+    """Strength and width of each segment's lobe, and their errors, as in :class:`Quantities`.
+
+    A segment without a highlight has strength 0, with no error of its own: what the other painting
+    has there is held against its own error. Errors are NaN where a segment has the painting's lobe,
+    and at its border: between pixels of two segments there is no gloss to be interpolated.
+    """
+    import cv2
+
+    def entry(one: Segment) -> tuple[float, float, float, float]:
+        if one.verdict == NO_HIGHLIGHT:
+            return 0.0, np.nan, 0.0, np.nan
+        strength, width = np.sqrt(np.diag(one.covariance)) if one.own else (np.nan, np.nan)
+        return one.beta, one.gamma, one.beta * strength, width
+
+    whole = part.painting.beta, part.painting.gamma, np.nan, np.nan
+    table = {one.label: entry(one) for one in part.segments}
+    labels, place = np.unique(part.labels, return_inverse=True)
+    entries = np.array([table.get(int(label), whole) for label in labels], np.float64)
+    codes = place.reshape(part.shape).astype(np.float32)
+    around = np.ones((3, 3), np.uint8)
+    border = cv2.dilate(codes, around) != cv2.erode(codes, around)
+    planes = np.moveaxis(entries[place.reshape(part.shape)], -1, 0)
+    known = part.status < Status.DARK
+    planes[:, ~known] = np.nan
+    planes[2:, border] = np.nan
+    beta, gamma, beta_sigma, gamma_sigma = planes
+    return beta, np.where(beta > 0.0, gamma, np.nan), beta_sigma, gamma_sigma
+
+
 def _beta_unit(part: Sbrdf) -> float:
     """The beta of a lobe of strength 1."""
     one = np.ones(1, np.float32)
     return float(part._beta(one)[0]) if isinstance(part, PerPixelSbrdf) else 1.0
 
 
-def _gloss(part: Sbrdf) -> tuple[Planes, Planes, Planes]:
-    """Strength and width of the gloss, and the error of the width."""
+def _gloss(part: Sbrdf, shape_errors: Planes) -> tuple[Planes, Planes, Planes]:
+    """Strength and width of the gloss, and the error of the width from those of the shapes."""
     if isinstance(part, PooledSbrdf | SegmentSbrdf):
         known = part.status < Status.DARK
         beta = np.where(known, part.beta, np.nan).astype(np.float64)
@@ -184,8 +227,8 @@ def _gloss(part: Sbrdf) -> tuple[Planes, Planes, Planes]:
         return np.where(beta > 0.0, found, np.nan)
 
     gamma = of_strongest(part.width)
+    error = of_strongest(shape_errors)
     if isinstance(part, LafortuneSbrdf):
         # The width goes with the square root of the exponent.
-        return beta, gamma, 0.5 * of_strongest(part.exponent_sigma)
-    assert isinstance(part, LobeSbrdf)
-    return beta, gamma, of_strongest(part.gamma_sigma)
+        error = 0.5 * error
+    return beta, gamma, error

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.comparison.entries import Area, ComparisonMaps, GlossChange, Quantity, Registration
+from impasto.comparison.entries import (
+    Area,
+    Cluster,
+    ClusterExtent,
+    ComparisonMaps,
+    GlossChange,
+    Quantity,
+    Registration,
+)
 from impasto.comparison.overview import Overview
 from impasto.comparison.picture import comparison_picture
 from impasto.comparison.text import as_text, table_rows
@@ -49,6 +57,10 @@ class Comparison:
         Pixels per :class:`Compared`, by name.
     areas
         Cells of the grid, or regions, those that changed most first.
+    extent
+        From which size on changed pixels that touch are more than chance.
+    clusters
+        Such areas, the largest first, 64 at most.
     overview
         Small pictures of both and of all maps.
     maps
@@ -66,6 +78,8 @@ class Comparison:
     gloss: GlossChange
     compared: dict[str, int]
     areas: tuple[Area, ...]
+    extent: ClusterExtent
+    clusters: tuple[Cluster, ...]
     overview: Overview
     maps: ComparisonMaps | None = None
     path: Path | None = None
@@ -99,6 +113,8 @@ class Comparison:
         content["gloss"] = asdict(self.gloss)
         content["quantities"] = [asdict(one) for one in self.quantities]
         content["areas"] = [asdict(one) for one in self.areas]
+        content["extent"] = asdict(self.extent)
+        content["clusters"] = [asdict(one) for one in self.clusters]
         found = _plain(content)
         assert isinstance(found, dict)
         return found
@@ -110,12 +126,12 @@ class Comparison:
     def picture(self) -> Picture:
         """``(y, x, 3)`` uint8: before, after, the three maps, what changed, and their scales."""
         return comparison_picture(
-            self.overview, self.names, self.quantities, self.compared, self.illuminant
+            self.overview, self.names, self.quantities, self.compared, self.illuminant, self.extent
         )
 
     def rows(self) -> dict[str, object]:
         """The table in short: a name and a sentence each."""
-        return table_rows(self.quantities, self.compared, self.alpha)
+        return table_rows(self.quantities, self.compared, self.alpha, self.extent)
 
     def __str__(self) -> str:
         return as_text(
@@ -125,6 +141,8 @@ class Comparison:
             self.gloss,
             self.compared,
             self.areas,
+            self.extent,
+            self.clusters,
             alpha=self.alpha,
             illuminant=self.illuminant,
         )
@@ -167,10 +185,23 @@ def from_dict(
         areas=tuple(
             Area(**_known(one) | {"changed": tuple(one["changed"])}) for one in content["areas"]
         ),
+        extent=_extent(content.get("extent")),
+        clusters=tuple(
+            Cluster(**_known(one) | {"changed": tuple(one["changed"])})
+            for one in content.get("clusters", [])
+        ),
         overview=overview,
         maps=maps,
         path=path,
     )
+
+
+def _extent(entries: dict[str, Any] | None) -> ClusterExtent:
+    """What is not finite is None in a file; earlier files have no clusters."""
+    known = entries or {"familywise": math.nan, "chance": 0, "continuation": math.nan,
+                        "found": 0, "share": math.nan}  # fmt: skip
+    critical = known.get("critical")
+    return ClusterExtent(**_known(known) | {"critical": math.inf if critical is None else critical})
 
 
 def _pair(values: Sequence[Any]) -> tuple[Any, Any]:

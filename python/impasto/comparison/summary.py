@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.windows import Window
-from impasto.comparison.entries import RATIOS, Area, Changed, Compared, Quantity
+from impasto.comparison.entries import Area, Changed, Compared, Quantity
+from impasto.comparison.measures import SUMS, Measures, measured, planes_of
 from impasto.comparison.tiles import Tile
 
 Floats = NDArray[np.float64]
@@ -18,8 +19,6 @@ MOST_SAMPLES = 1 << 20
 """Pixels whose medians and percentiles are taken, evenly spread; all of a smaller painting."""
 UNITS = {"normal": "degrees", "colour": "dE00", "gloss": "ratio of beta"}
 """Quantities and their units."""
-SUMS = ("pixels", "angle", "coloured", "delta_e", "lobed", "log_beta", "normal", "colour", "gloss")
-"""What is added up over an area."""
 
 
 def cells_of(shape: tuple[int, int], cells: int) -> tuple[int, int, int]:
@@ -63,7 +62,6 @@ class Summary:
     def add(self, part: Window, tile: Tile) -> None:
         """Add what a window has."""
         maps = tile.maps
-        fine = maps["status"] < Compared.OUTSIDE
         self._statuses += np.bincount(maps["status"].ravel(), minlength=256)
         values = {
             "normal": np.degrees(maps["angle"]),
@@ -83,19 +81,13 @@ class Summary:
                 if numbers is not None:
                     sample = np.asarray(numbers[every], np.float64)
                     self._samples.setdefault(key, []).append(sample[~np.isnan(sample)])
-        self._add_areas(part, fine, values, maps["changed"])
+        self._add_areas(part, maps)
 
-    def _add_areas(
-        self,
-        part: Window,
-        fine: NDArray[np.bool_],
-        values: dict[str, NDArray[Any]],
-        changed: NDArray[np.uint8],
-    ) -> None:
+    def _add_areas(self, part: Window, maps: dict[str, NDArray[Any]]) -> None:
         y, x = np.mgrid[part[0], part[1]]
         if self.regions is None:
             index = (y // self._side) * self._across + x // self._side
-            own = np.ones_like(fine)
+            own = np.ones(y.shape, np.bool_)
         else:
             codes = self.regions[part]
             own = codes >= 0
@@ -108,24 +100,18 @@ class Summary:
         for axis, plane in ((0, y), (1, x)):
             np.minimum.at(self._boxes[:, axis], place, plane[own])
             np.maximum.at(self._boxes[:, 2 + axis], place, plane[own] + 1)
-        beta = values["gloss"]
-        lobed = fine & ~np.isnan(beta)
-        coloured = fine & np.isfinite(values["colour"])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            planes = (
-                fine, np.where(fine, values["normal"], 0.0),
-                coloured, np.where(coloured, values["colour"], 0.0),
-                lobed, np.where(lobed, np.log(np.clip(beta, *RATIOS)), 0.0),
-                *((fine & ((changed & flag) > 0)) for flag in Changed),
-            )  # fmt: skip
-        for row, plane in zip(self._sums, planes, strict=True):
-            row += np.bincount(place, plane[own].astype(np.float64), minlength=count)
+        self._sums += measured(place, count, [plane[own] for plane in planes_of(maps)])
 
     @property
     def compared(self) -> dict[str, int]:
         """Pixels per status, by name; those that do not occur are left out."""
         return {one.name.lower(): int(self._statuses[one]) for one in Compared
                 if self._statuses[one]}  # fmt: skip
+
+    @property
+    def comparable(self) -> int:
+        """Pixels that could be compared."""
+        return int(self._statuses[: Compared.OUTSIDE].sum())
 
     def quantities(self) -> tuple[Quantity, ...]:
         """A row for each."""
@@ -146,9 +132,9 @@ class Summary:
         """Those with compared pixels; the largest shares of changed pixels come first."""
         found = []
         for number, (sums, box) in enumerate(zip(self._sums.T, self._boxes, strict=True)):
-            one = dict(zip(SUMS, sums.tolist(), strict=True))
-            if not one["pixels"]:
+            if not sums[0]:
                 continue
+            measures = Measures.of(sums)
             top, left, bottom, right = (int(value) for value in box)
             found.append(
                 Area(
@@ -157,15 +143,11 @@ class Summary:
                     left=left,
                     rows=bottom - top,
                     columns=right - left,
-                    pixels=int(one["pixels"]),
-                    normal=one["angle"] / one["pixels"],
-                    colour=_divided(one["delta_e"], one["coloured"]),
-                    gloss=float(np.exp(_divided(one["log_beta"], one["lobed"]))),
-                    changed=(
-                        one["normal"] / one["pixels"],
-                        one["colour"] / one["pixels"],
-                        one["gloss"] / one["pixels"],
-                    ),
+                    pixels=measures.pixels,
+                    normal=measures.normal,
+                    colour=measures.colour,
+                    gloss=measures.gloss,
+                    changed=measures.changed,
                 )
             )
         return tuple(sorted(found, key=lambda area: -max(area.changed)))
@@ -178,14 +160,15 @@ class Summary:
 
     def _quantile(self, name: str, share: float) -> float:
         values = np.concatenate(self._samples.get(name, [np.zeros(0)]))
-        return float(np.quantile(values, share)) if values.size else float("nan")
+        if not values.size:
+            return float("nan")
+        # Between two infinite ratios there is no number: the lower one stands.
+        if np.isfinite(values).all():
+            return float(np.quantile(values, share))
+        return float(np.quantile(values, share, method="lower"))
 
 
 def _letters(number: int) -> str:
     """A to Z, AA to ZZ, and so on, as columns of a sheet."""
     head, last = divmod(number, 26)
     return (_letters(head - 1) if head else "") + chr(ord("A") + last)
-
-
-def _divided(total: float, count: float) -> float:
-    return total / count if count else float("nan")

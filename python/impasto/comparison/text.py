@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from impasto.comparison.entries import Area, GlossChange, Quantity, Registration
+from impasto.comparison.entries import (
+    Area,
+    Cluster,
+    ClusterExtent,
+    GlossChange,
+    Quantity,
+    Registration,
+)
 
 SHOWN = 8
 """Areas that are listed."""
@@ -26,6 +33,8 @@ def as_text(
     gloss: GlossChange,
     compared: Mapping[str, int],
     areas: Sequence[Area],
+    extent: ClusterExtent,
+    clusters: Sequence[Cluster],
     *,
     alpha: float,
     illuminant: str,
@@ -44,23 +53,46 @@ def as_text(
         f"least: the smallest significant difference; {100 * alpha:g} % of unchanged pixels are "
         "marked by chance"
     )
-    lines += ["", _gloss(gloss)]
+    lines += ["", _gloss(gloss), "", clusters_in_words(extent)]
+    if clusters:
+        lines.append(f"{'place':>12}{'pixels':>9}{'mm2':>9}{'degrees':>9}{'dE00':>8}{'beta':>8}"
+                     f"{'normal':>9}{'colour':>9}{'gloss':>9}")  # fmt: skip
+        for own in clusters[:SHOWN]:
+            lines.append(
+                f"{f'{own.left}, {own.top}':>12}{own.pixels:>9}{_number(own.area_mm2):>9}"
+                f"{_number(own.normal):>9}{_number(own.colour):>8}{_number(own.gloss):>8}"
+                f"{_shares(own.changed)}"
+            )
+        lines += _more(extent.found)
+        lines.append("place: left, top in pixels before; means over the pixels of the area")
     if areas:
         lines += ["", f"{'area':8}{'pixels':>10}{'degrees':>9}{'dE00':>8}{'beta':>8}"
                   f"{'normal':>9}{'colour':>9}{'gloss':>9}"]  # fmt: skip
         for area in areas[:SHOWN]:
-            shares = "".join(f"{100 * share:>7.1f} %" for share in area.changed)
             lines.append(
                 f"{area.name:8}{area.pixels:>10}{_number(area.normal):>9}"
-                f"{_number(area.colour):>8}{_number(area.gloss):>8}{shares}"
+                f"{_number(area.colour):>8}{_number(area.gloss):>8}{_shares(area.changed)}"
             )
-        if len(areas) > SHOWN:
-            lines.append(f"... and {len(areas) - SHOWN} more")
+        lines += _more(len(areas))
     return "\n".join(lines)
 
 
+def clusters_in_words(extent: ClusterExtent) -> str:
+    """How many changed areas there are, and from which size on they count."""
+    if not math.isfinite(extent.critical):
+        return "changed areas: not told from chance, since too many pixels are marked"
+    return (
+        f"changed areas of {extent.critical:g} pixels or more: {extent.found or 'none'}, "
+        f"{100 * extent.share:.2f} % of the painting; by chance, in {100 * extent.familywise:g} % "
+        "of unchanged paintings one"
+    )
+
+
 def table_rows(
-    quantities: Sequence[Quantity], compared: Mapping[str, int], alpha: float
+    quantities: Sequence[Quantity],
+    compared: Mapping[str, int],
+    alpha: float,
+    extent: ClusterExtent,
 ) -> dict[str, object]:
     """The same in short, for a notebook."""
     rows: dict[str, object] = {
@@ -68,6 +100,7 @@ def table_rows(
         f"changed: {_share(one)}"
         for one in quantities
     }
+    rows["changed areas"] = clusters_in_words(extent).removeprefix("changed areas ")
     rows["pixels"] = statuses(compared)
     rows["marked by chance"] = f"{100 * alpha:g} %"
     return rows
@@ -109,6 +142,14 @@ def _gloss(gloss: GlossChange) -> str:
 
 def _share(one: Quantity) -> str:
     return f"{100 * one.significant:.2f} %" if one.tested else "untested"
+
+
+def _shares(changed: tuple[float, float, float]) -> str:
+    return "".join(f"{100 * share:>7.1f} %" for share in changed)
+
+
+def _more(count: int) -> list[str]:
+    return [f"... and {count - SHOWN} more"] if count > SHOWN else []
 
 
 def _number(value: float) -> str:

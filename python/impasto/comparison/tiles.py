@@ -12,7 +12,7 @@ from impasto._internal.windows import Window, widened, within
 from impasto.colour import delta_e, lab_from_xyz
 from impasto.comparison.colours import Colours
 from impasto.comparison.entries import RATIOS, Changed, Compared
-from impasto.comparison.quantities import Quantities, per_pixel, quantities_of, resampled
+from impasto.comparison.quantities import Quantities, has_places, quantities_of, resampled
 from impasto.comparison.registration import Alignment
 from impasto.comparison.significance import criticals, squares
 from impasto.merge.frames import Frame
@@ -102,7 +102,7 @@ class Comparer:
             square, rank = self._colour_square(one, other, first, second)
             tests["colour"] = square, criticals(self.alpha, rank, freedom)
         ratio, width = _ratio(other.beta, one.beta), _ratio(other.gamma, one.gamma)
-        both = per_pixel(self.before.kind) and per_pixel(self.after.kind)
+        both = has_places(self.before.kind) and has_places(self.after.kind)
         if both:
             square, critical = self._gloss_square(one, other, freedom)
             tests["gloss"] = square, critical
@@ -125,7 +125,7 @@ class Comparer:
             name: _detectable(sizes[name], *tests[name])[inner] for name in sizes if name in tests
         }
         if both:
-            relative = np.hypot(one.beta_sigma, other.beta_sigma) / np.maximum(one.beta, 1e-12)
+            relative = self._beta_error(one, other) / np.maximum(one.beta, 1e-12)
             critical = np.sqrt(criticals(self.alpha / 2, 1, freedom))
             detectable["gloss"] = np.where(one.beta > 0, 1.0 + critical * relative, np.nan)[inner]
         return Tile(
@@ -196,11 +196,16 @@ class Comparer:
         found = squares(difference, covariance.reshape(-1, size, size))
         return found.reshape(one.known.shape), rank
 
+    def _beta_error(self, one: Quantities, other: Quantities) -> Planes:
+        """Of the difference of beta: both errors, and that of the exposure."""
+        exposure = self.exposure_sigma * one.beta
+        return np.asarray(np.hypot(np.hypot(one.beta_sigma, other.beta_sigma), exposure))
+
     def _gloss_square(
         self, one: Quantities, other: Quantities, freedom: NDArray[np.int64]
     ) -> tuple[Planes, Planes]:
         """The larger T squared of beta and gamma, each at half of alpha (Bonferroni)."""
-        error = np.hypot(one.beta_sigma, other.beta_sigma) * _division(one, other)
+        error = self._beta_error(one, other) * _division(one, other)
         with np.errstate(invalid="ignore", divide="ignore"):
             strength = ((other.beta - one.beta) / error) ** 2
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -26,7 +26,7 @@ def export_folder(out: Path) -> Iterator[Path]:
         raise ArgumentError(
             f"out: {out} holds files that no export of impasto wrote; give the name of a new folder"
         )
-    out.parent.mkdir(parents=True, exist_ok=True)
+    _make_parent(out)
     with new_folder(out) as folder:
         yield folder
 
@@ -46,6 +46,15 @@ def export_file(out: Path, *suffixes: str) -> Iterator[tuple[Path, Path]]:
         raise ArgumentError(f"out: expected a name ending in {' or '.join(suffixes)}, found {out}")
     if out.is_dir():
         raise ArgumentError(f"out: {out} is a folder; give the name of a file")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    _make_parent(out)
     with new_files(out, out.with_name(f"{out.name}.{REPORT}")) as (path, report):
         yield path, report
+
+
+def _make_parent(out: Path) -> None:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise ArgumentError(
+            f"out: {out} is to lie in {error.filename}, which is a file; give another name"
+        ) from error

@@ -10,20 +10,29 @@ from typing import Any, Literal, get_args
 from impasto._internal.checks import one_of
 from impasto.errors import ArgumentError
 from impasto.export.geometry_files import export_height, export_normal_map
+from impasto.export.geometry_tiles import export_height_tiles, export_normal_map_tiles
 from impasto.export.gltf import export_gltf
-from impasto.export.iiif import export_iiif
+from impasto.export.iiif import export_iiif, export_iiif_tiles
 from impasto.export.loss import LossReport
 from impasto.export.materialx import export_materialx
 from impasto.export.mitsuba import export_mitsuba
 from impasto.export.openlime import export_openlime
+from impasto.export.openlime_tiles import export_openlime_tiles
 from impasto.export.rti import export_hsh, export_ptm, export_relight
 from impasto.export.source import Source
+from impasto.export.stored import LOADED, StoredSource
 from impasto.export.usd import export_usd
+from impasto.fit.stored import StoredSbrdf
 
 Format = Literal[
     "openlime", "relight", "ptm", "hsh", "gltf", "materialx", "usd", "mitsuba", "height",
     "normal-map", "iiif",
 ]  # fmt: skip
+NOTHING = (
+    "result: no pixel has a normal and colours, so there is nothing to export; its status says why"
+)
+SMALLER = "export a part of it, result[y0:y1, x0:x1], or a smaller scale, result.level(factor)"
+RTI = "export openlime or iiif, which are tiled, or a smaller scale, result.level(factor)"
 
 
 @dataclass(frozen=True)
@@ -36,24 +45,31 @@ class Kind:
         Of a source and the place to write.
     suffix
         Of its file; empty: a folder.
+    tiled
+        Of a painting in a store that is too large to be loaded; None: the format holds none so
+        large.
+    instead
+        What to do with such a painting.
     """
 
     write: Callable[..., LossReport]
     suffix: str = ""
+    tiled: Callable[..., LossReport] | None = None
+    instead: str = SMALLER
 
 
 FORMATS: dict[Format, Kind] = {
-    "openlime": Kind(export_openlime),
-    "relight": Kind(export_relight),
-    "ptm": Kind(export_ptm, ".ptm"),
-    "hsh": Kind(export_hsh, ".rti"),
+    "openlime": Kind(export_openlime, tiled=export_openlime_tiles),
+    "relight": Kind(export_relight, instead=RTI),
+    "ptm": Kind(export_ptm, ".ptm", instead=RTI),
+    "hsh": Kind(export_hsh, ".rti", instead=RTI),
     "gltf": Kind(export_gltf, ".glb"),
     "materialx": Kind(export_materialx),
     "usd": Kind(export_usd),
     "mitsuba": Kind(export_mitsuba),
-    "height": Kind(export_height, ".exr"),
-    "normal-map": Kind(export_normal_map, ".png"),
-    "iiif": Kind(export_iiif),
+    "height": Kind(export_height, ".exr", export_height_tiles),
+    "normal-map": Kind(export_normal_map, ".png", export_normal_map_tiles),
+    "iiif": Kind(export_iiif, tiled=export_iiif_tiles),
 }
 
 
@@ -76,8 +92,10 @@ def to(
         folders; ``"ptm"``, ``"hsh"`` (.rti), ``"gltf"`` (.glb), ``"height"`` (.exr, .tif, .stl or
         .ply) and ``"normal-map"`` (.png) files.
     result
-        The result of :func:`impasto.fit_sbrdf`, a :class:`impasto.Surface`, or a simulated
-        painting.
+        The result of :func:`impasto.fit_sbrdf`, a :class:`impasto.Surface`, a simulated painting,
+        or an opened store (:func:`impasto.open_sbrdf`). One of more than 16 million pixels is
+        written tile by tile, in bounded memory: as ``"openlime"``, ``"iiif"``, ``"height"`` and
+        ``"normal-map"`` (both .tif); other formats hold none so large.
     out
         The file or the folder. A folder that an export wrote is replaced.
     reflectance
@@ -102,14 +120,31 @@ def to(
     ------
     ArgumentError
         An unknown format, a wrong suffix, a folder with files of other programs, a painting of
-        which no pixel was estimated.
+        which no pixel was estimated, or one that is too large for the format.
     """
     one_of(format, get_args(Format), "format")
     path = Path(out)
+    if isinstance(result, StoredSbrdf):
+        if reflectance is not None:
+            raise ArgumentError("reflectance: a store has no spectra; load the result instead")
+        if result.shape[0] * result.shape[1] > LOADED:
+            large = StoredSource(result, pitch_mm, name or path.stem)
+            return _tiled(format, large, path, options)
+        result = result[:, :]
     source = Source(result, reflectance, pitch_mm, name or path.stem)
     if not source.known.any():
-        raise ArgumentError(
-            "result: no pixel has a normal and colours, so there is nothing to export; its status "
-            "says why"
-        )
+        raise ArgumentError(NOTHING)
     return FORMATS[format].write(source, path, **options)
+
+
+def _tiled(format: Format, source: StoredSource, path: Path, options: dict[str, Any]) -> LossReport:
+    kind = FORMATS[format]
+    if kind.tiled is None:
+        rows, columns = source.shape
+        raise ArgumentError(
+            f"result: {source.stored.path} ({columns} x {rows} pixels) is too large for {format}, "
+            f"which is written whole; {kind.instead}"
+        )
+    if not source.known():
+        raise ArgumentError(NOTHING)
+    return kind.tiled(source, path, **options)

@@ -76,7 +76,7 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
     normal = normals(source)
     with export_file(out, ".png") as (path, beside):
         write_png16(path, coded_normals(normal, 16))
-        angle = np.degrees(_angles(decoded_normals(read_image(path)), normal))
+        angle = np.degrees(angles_between(decoded_normals(read_image(path)), normal))
         report = LossReport(
             "normal map",
             ("normals of 16 bits, x right, y up, z towards the viewer",),
@@ -91,7 +91,7 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
     return report
 
 
-def _angles(found: Map, normal: Map) -> Map:
+def angles_between(found: Map, normal: Map) -> Map:
     """Between unit vectors, from their distance: exact also for small angles."""
     distance = np.linalg.norm(found.astype(np.float64) - normal.astype(np.float64), axis=0)
     return np.asarray(2.0 * np.arcsin(np.clip(0.5 * distance, 0.0, 1.0)), dtype=np.float64)

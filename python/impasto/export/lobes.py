@@ -9,6 +9,7 @@ its best strength. A Lafortune lobe in the mirror direction enters with the tilt
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -84,8 +85,12 @@ def one_lobe(lit: Surface, distribution: Distribution) -> OneLobe:
             part = slice(first, min(first + _ROWS, count))
             beta = np.stack([_part(one, part, 3) for one in strengths])
             gamma = np.stack([_part(one, part, 1)[0] for one in widths])
-            chosen, amplitude = _nearest(beta, gamma, products, squares)
-            alpha[part], peak[:, part] = ALPHAS[chosen], amplitude
+            lobed = np.flatnonzero(((gamma > 0.0) & (beta > 0.0).any(axis=1)).any(axis=0))
+            if lobed.size:  # the fit of matte paint has none
+                own = beta[..., lobed], gamma[:, lobed]
+                chosen, amplitude = _nearest(*own, products, squares)
+                at = part.start + lobed
+                alpha[at], peak[:, at] = ALPHAS[chosen], amplitude
     return OneLobe(alpha.reshape(rows, columns), peak.reshape(3, rows, columns), float(index))
 
 
@@ -99,6 +104,7 @@ def shape_of(distribution: Distribution, alpha: Floats, tilt: Floats) -> Floats:
         return np.asarray(lobe if distribution == "ward" else lobe / np.cos(tilt) ** 4)
 
 
+@cache
 def _products(distribution: Distribution) -> tuple[Floats, Floats]:
     """``(alpha, gamma)`` integrals of target times lobe, and ``(alpha,)`` of target squared."""
     weight = np.sin(_TILTS)
@@ -120,12 +126,19 @@ def _nearest(
     part = place - low
     strength = np.where(present[:, None], beta, 0.0)
     grey = strength.mean(axis=1)
+    if len(gamma) == 1:
+        # The width of a single lobe does not depend on its strength: each width is looked up once.
+        unique, same = np.unique(width[0], return_index=True, return_inverse=True)[1:]
+        low, part, own_grey = low[:, unique], part[:, unique], np.ones((1, len(unique)))
+    else:
+        same, own_grey = np.arange(width.shape[1]), grey
     # (alpha, lobe, n): what each lobe gives to each target.
     between = products[:, low] * (1.0 - part) + products[:, low + 1] * part
-    total = np.einsum("aln,ln->an", between, grey)
+    total = np.einsum("aln,ln->an", between, own_grey)
     chosen = np.argmax(np.square(total) / squares[:, None], axis=0)
+    own = np.take_along_axis(between, chosen[None, None, :], axis=0)[0][:, same]
+    chosen = chosen[same]
     chosen[~present.any(axis=0)] = 0
-    own = np.take_along_axis(between, chosen[None, None, :], axis=0)[0]
     amplitude = np.einsum("lcn,ln->cn", strength, own) / squares[chosen]
     return chosen, amplitude
 

@@ -8,7 +8,7 @@ same lights and views for all formats.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -123,13 +123,23 @@ def measure(source: Source, shown: Shown, *, oblique: bool) -> dict[str, Any]:
     oblique
         Whether it can be seen from the side.
     """
-    at = sampled(source.known)
+    return measure_parts([(source, shown)], oblique=oblique)
+
+
+def measure_parts(parts: Sequence[tuple[Source, Shown]], *, oblique: bool) -> dict[str, Any]:
+    """The same over several parts of a painting, each with what is shown of it."""
     found: list[SceneLoss] = []
     pooled: dict[bool, list[NDArray[np.float64]]] = {False: [], True: []}
+    places = [sampled(source.known, _SAMPLED // len(parts)) for source, _ in parts]
     for light, view in scenes(oblique=oblique):
         towards = None if view is None else direction(*view)
-        reference = source.linear(direction(*light), towards).reshape(3, -1)[:, at]
-        difference = delta_e(seen(reference), seen(shown(direction(*light), towards, at)))
+        differences = []
+        for (source, shown), at in zip(parts, places, strict=True):
+            reference = source.linear(direction(*light), towards).reshape(3, -1)[:, at]
+            differences.append(
+                delta_e(seen(reference), seen(shown(direction(*light), towards, at)))
+            )
+        difference = np.concatenate(differences)
         pooled[view is not None].append(difference)
         p50, p95, p99 = percentiles(difference)
         found.append(SceneLoss(light, (0.0, 90.0) if view is None else view, p50, p95, p99))
@@ -158,11 +168,11 @@ def direction(azimuth: float, elevation: float) -> Direction:
     return (math.cos(rise) * math.cos(turn), math.cos(rise) * math.sin(turn), math.sin(rise))
 
 
-def sampled(known: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Flat numbers of about :data:`_SAMPLED` known pixels, evenly spread."""
+def sampled(known: NDArray[np.bool_], count: int = _SAMPLED) -> NDArray[np.intp]:
+    """Flat numbers of about so many known pixels, evenly spread."""
     every = np.flatnonzero(known)
     # A step that shares no factor with the columns visits all of them.
-    step = max(1, every.size // _SAMPLED)
+    step = max(1, every.size // max(count, 1))
     while step > 1 and math.gcd(step, known.shape[1]) > 1:
         step += 1
     return np.asarray(every[::step], dtype=np.intp)

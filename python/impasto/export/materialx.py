@@ -1,4 +1,9 @@
-"""A MaterialX document [@materialx]: ``standard_surface`` over the pictures of the painting."""
+"""A MaterialX document [@materialx] over the pictures of the painting.
+
+Two materials with the same pictures: ``painting`` is a ``standard_surface``, which more programs
+read, ``painting_open_pbr`` an ``open_pbr_surface``, which replaces it. Both show one GGX lobe over
+a matte base, and the same here.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +27,19 @@ from impasto.export.source import Source
 from impasto.io.files import atomic_bytes
 
 DOCUMENT = "painting.mtlx"
+MATERIALS = {
+    "painting": ("standard_surface", "base", "specular", "specular_IOR", "normal"),
+    "painting_open_pbr": (
+        "open_pbr_surface", "base_weight", "specular_weight", "specular_ior", "geometry_normal",
+    ),
+}  # fmt: skip
+"""Materials: the surface, and what it calls its weights, the index of refraction and the normal."""
 
 
 def export_materialx(source: Source, out: Path) -> LossReport:
     """Write a folder with ``painting.mtlx`` and its textures.
 
-    The strongest highlight of the painting sets ``specular_IOR``; ``specular_color`` is the share
+    The strongest highlight sets the index of refraction; ``specular_color`` is the share
     of it that a pixel has. A material has no size: the painting's is in the document's comment.
     """
     with export_folder(out) as folder:
@@ -69,24 +81,22 @@ def _write(folder: Path, source: Source, strongest: float, loss: str) -> None:
             ET.SubElement(image, "input", name=mode, type="string", value="clamp")
     normal = ET.SubElement(root, "normalmap", name="normal", type="vector3")
     ET.SubElement(normal, "input", name="in", type="vector3", nodename="normal_picture")
-    surface = ET.SubElement(root, "standard_surface", name="paint", type="surfaceshader")
-    values = (
-        ("base", "float", "1.0"),
-        ("specular", "float", "1.0"),
-        ("specular_IOR", "float", f"{index_of(strongest):.7g}"),
-    )
-    for name, kind, value in values:
-        ET.SubElement(surface, "input", name=name, type=kind, value=value)
-    connected = (
-        ("base_color", "color3", "colour"),
-        ("specular_color", "color3", "highlight"),
-        ("specular_roughness", "float", "roughness"),
-        ("normal", "vector3", "normal"),
-    )
-    for name, kind, node in connected:
-        ET.SubElement(surface, "input", name=name, type=kind, nodename=node)
-    material = ET.SubElement(root, "surfacematerial", name="painting", type="material")
-    ET.SubElement(material, "input", name="surfaceshader", type="surfaceshader", nodename="paint")
+    index = f"{index_of(strongest):.7g}"
+    for material, (surface, base, specular, ior, facing) in MATERIALS.items():
+        shader = ET.SubElement(root, surface, name=f"{material}_surface", type="surfaceshader")
+        for name, value in ((base, "1.0"), (specular, "1.0"), (ior, index)):
+            ET.SubElement(shader, "input", name=name, type="float", value=value)
+        connected = (
+            ("base_color", "color3", "colour"),
+            ("specular_color", "color3", "highlight"),
+            ("specular_roughness", "float", "roughness"),
+            (facing, "vector3", "normal"),
+        )
+        for name, kind, node in connected:
+            ET.SubElement(shader, "input", name=name, type=kind, nodename=node)
+        own = ET.SubElement(root, "surfacematerial", name=material, type="material")
+        lit = {"name": "surfaceshader", "type": "surfaceshader"}
+        ET.SubElement(own, "input", lit, nodename=shader.get("name", ""))
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     atomic_bytes(folder / DOCUMENT, text.encode("utf-8"))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
 from impasto.export.source import Map, Source
+from impasto.fit.result import Sbrdf
 from impasto.height import integrate_normals
 
 MOST_POINTS = 4_000_000
@@ -77,10 +78,14 @@ def height_of(source: Source) -> Map:
 
     About its mean; without the width of a pixel in pixels. 0 where unknown.
     """
-    lit = source.result.surface()
+    own, pitch = source.result, source.pitch_mm or 1.0
+    lit = own.surface()
     found = lit.height
     if found is None:
-        found = integrate_normals(lit.normal, source.pitch_mm or 1.0)
+        if isinstance(own, Sbrdf):
+            found = own.height(pitch)
+        else:
+            found = integrate_normals(lit.normal, pitch)
     found = np.asarray(found, dtype=np.float32)
     known = np.isfinite(found)
     mean = np.float32(found[known].mean(dtype=np.float64)) if known.any() else np.float32(0.0)

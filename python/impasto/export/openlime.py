@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ AMBIENT = 0.02
 """What the layer takes for an ambient light of 0."""
 MOST_BANDS = 33
 INDEX = "layers.json"
+CHANNELS = ("kd", "ks", "normals", "gloss")
 LOST = (
     "every view but the front: OpenLIME's BRDF layer has no other",
     "Fresnel's reflectance: highlights do not grow towards grazing light",
@@ -61,9 +63,11 @@ def export_openlime(source: Source, out: Path) -> LossReport:
     (``brightness`` in ``layers.json``: the share of impasto's light that the layer shows).
     """
     maps = textures(source, "ward")
-    brightness = _brightness(maps.diffuse)
+    brightness = brightness_of(maps.diffuse)
     with export_folder(out) as folder:
-        layers: dict[str, Any] = {"brdf": _brdf(maps, brightness, folder)}
+        for name, planes in codes_of(maps, brightness).items():
+            write_png8(folder / f"{name}.png", planes)
+        layers: dict[str, Any] = {"brdf": brdf_options("image", ".png")}
         write_relight(_made(folder / "rti"), relightable(source, "hsh", file=False))
         layers["rti"] = {"type": "rti", "url": "rti/info.json", "layout": "image"}
         kept = ["normals, diffuse colour and one lobe per pixel (Ward), 8 bits each"]
@@ -91,13 +95,14 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def _brightness(diffuse: Map) -> float:
+def brightness_of(diffuse: Map) -> float:
     """The share of the light at which 99.9 % of the colours fit, of pi at most."""
     bright = float(np.percentile(diffuse, 99.9))
     return min(np.pi, 1.0 / bright if bright > 0.0 else np.pi) / np.pi
 
 
-def _brdf(maps: Textures, brightness: float, folder: Path) -> dict[str, Any]:
+def codes_of(maps: Textures, brightness: float) -> dict[str, NDArray[np.uint8]]:
+    """The channels of the BRDF layer, ``(plane, y, x)``."""
     factor = np.float32(brightness * np.pi)
     alpha = np.clip(maps.lobe.alpha, *ALPHA)
     least, greatest = (1.0 - limit**0.25 for limit in reversed(ALPHA))
@@ -105,14 +110,20 @@ def _brdf(maps: Textures, brightness: float, folder: Path) -> dict[str, Any]:
     # A highlight of Ward's lobe is ks / (4 pi alpha^2) where a white board is 1 / pi.
     peak = maps.lobe.peak * np.float32(maps.lobe.head_on)
     specular = factor * 4.0 * np.square(alpha) * peak
-    write_png8(folder / "kd.png", coded_srgb(factor * maps.diffuse))
-    write_png8(folder / "ks.png", coded_srgb(specular))
-    write_png8(folder / "normals.png", coded_normals(maps.normal))
-    write_png8(folder / "gloss.png", coded_linear(gloss))
+    return {
+        "kd": coded_srgb(factor * maps.diffuse),
+        "ks": coded_srgb(specular),
+        "normals": coded_normals(maps.normal),
+        "gloss": coded_linear(gloss)[None],
+    }
+
+
+def brdf_options(layout: str, suffix: str) -> dict[str, Any]:
+    """The options of the BRDF layer, whose channels have names that end so."""
     return {
         "type": "brdf",
-        "layout": "image",
-        "channels": {name: f"{name}.png" for name in ("kd", "ks", "normals", "gloss")},
+        "layout": layout,
+        "channels": {name: f"{name}{suffix}" for name in CHANNELS},
         # Both must be said: the layer has no default for them.
         "colorspaces": {"kd": "srgb", "ks": "srgb"},
         "alphaLimits": list(ALPHA),
@@ -175,8 +186,12 @@ def shown_by(folder: Path) -> Shown:
     content = read_json(folder / INDEX)
     options, brightness = content["layers"]["brdf"], float(content["brightness"])
     maps = {name: read_image(folder / file) for name, file in options["channels"].items()}
-    flat = {name: planes.reshape(len(planes), -1) for name, planes in maps.items()}
-    kd, ks, normals, gloss = (flat[name] for name in ("kd", "ks", "normals", "gloss"))
+    return shown_of(maps, options, brightness)
+
+
+def shown_of(maps: Mapping[str, NDArray[Any]], options: dict[str, Any], brightness: float) -> Shown:
+    """The same of the codes of the channels ``(plane, y, x)``, with the options of the layer."""
+    kd, ks, normals, gloss = (maps[name].reshape(len(maps[name]), -1) for name in CHANNELS)
     limits = options["alphaLimits"]
     least, greatest = (1.0 - limit**0.25 for limit in reversed(limits))
 

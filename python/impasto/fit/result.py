@@ -25,8 +25,10 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.relief import Relief, relief_of
 from impasto.fit.residuals import Residuals, residuals_of
 from impasto.fit.saved import Reader, arrays_of, over
+from impasto.height import integrate_normals
 from impasto.image import Image
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
+from impasto.level import Level
 from impasto.picture import Fidelity
 from impasto.render import render
 from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views, quarter_turns_of
@@ -201,6 +203,46 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
     def render(self, scene: Scene, **options: Any) -> Image:
         """Render the painting: :func:`impasto.render`, which has the same options."""
         return render(self, scene, **options)
+
+    def height(
+        self,
+        pitch_mm: float | None = None,
+        *,
+        level: bool | Level = False,
+        threads: int | None = None,
+        progress: bool | ProgressCallback = False,
+    ) -> NDArray[np.float32]:
+        """Height of the painting: its normals, integrated by :func:`impasto.integrate_normals`.
+
+        Parameters
+        ----------
+        pitch_mm
+            Width of a pixel in mm; default: that of the result. Where neither is known, heights
+            are in pixels.
+        level
+            True: heights about the plane of the panel, as :func:`impasto.find_level` finds it; or
+            that plane, with its bending. Default: with the lean of the panel.
+        threads, progress
+            None means every allowed core; a bool or a callable ``(done, total)``.
+
+        Returns
+        -------
+        ndarray
+            ``(y, x)`` float32, mm, towards the viewer; mean 0. A number everywhere: what
+            ``status`` calls unknown is bridged.
+
+        Raises
+        ------
+        ArgumentError
+            A wrong pitch, or a level that is none.
+        """
+        return integrate_normals(
+            self.normal,
+            (self.pitch_mm or 1.0) if pitch_mm is None else pitch_mm,
+            level=level,
+            threads=threads,
+            progress=progress,
+        )
 
     def pixel(self, y: int, x: int) -> Pixel:
         """All results of one pixel, for reading.

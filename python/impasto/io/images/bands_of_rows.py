@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ def write_tiff_rows(
     planes: int,
     dtype: type[np.generic],
     icc: bytes | None = None,
+    attributes: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a tiled TIFF (deflate) from bands of 256 rows, none of which is kept.
 
@@ -45,6 +47,8 @@ def write_tiff_rows(
         uint16 or float32.
     icc
         The profile of the display whose codes these are.
+    attributes
+        They become JSON in the image description, as in :func:`impasto.io.write_tiff16`.
 
     Raises
     ------
@@ -56,6 +60,7 @@ def write_tiff_rows(
     check_suffix(path)
     height, width = shape
     pixels = (height, width, planes) if planes > 1 else (height, width)
+    text = json.dumps(dict(attributes), sort_keys=True) if attributes else None
     size = height * width * planes * np.dtype(dtype).itemsize
     with (
         atomic_path(path) as temporary,
@@ -69,6 +74,7 @@ def write_tiff_rows(
             photometric="rgb" if planes > 1 else "minisblack",
             planarconfig="contig" if planes > 1 else None,
             compression="zlib",
+            description=text,
             metadata=None,
             software=False,
             iccprofile=icc,
