@@ -128,13 +128,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tell_more(commands: App, words: Sequence[str]) -> None:
-    """Where help of one command is asked, its docstring, not the line that lists it."""
+    """For the help of one command its docstring, not the line that lists it."""
     if not {"--help", "-h"} & set(words):
         return
     named = [word for word in words if not word.startswith("-")]
-    asked = commands.parse_commands(named)[1][-1]
-    if asked.default_command is not None:
-        asked.help = None
+    command = commands.parse_commands(named)[1][-1]
+    if command.default_command is not None:
+        command.help = None
 
 
 def _version() -> str:

@@ -34,13 +34,9 @@ def application() -> App:
         help="Lamps where there is no ball, from the painting itself.",
     )
     app.command("impasto.cli.calibrate:camera", help="A camera, from a ColorChecker.")
-    app.command(
-        "impasto.cli.calibrate_light:monochromator", help="A camera, from a monochromator."
-    )
+    app.command("impasto.cli.calibrate_light:monochromator", help="A camera, from a monochromator.")
     app.command("impasto.cli.calibrate:lens", help="A lens, from a chessboard.")
-    app.command(
-        "impasto.cli.calibrate_light:board", help="Strengths of lamps, from a white board."
-    )
+    app.command("impasto.cli.calibrate_light:board", help="Strengths of lamps, from a white board.")
     app.command(
         "impasto.cli.calibrate_light:linearity",
         help="A tone curve, from grey patches or exposures.",

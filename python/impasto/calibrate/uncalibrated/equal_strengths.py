@@ -81,8 +81,7 @@ def equal_strengths(lamps: Array, good: NDArray[np.bool_], seed: int = 0) -> Equ
 
 
 def same_lamps(lamps: Array, good: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """``(lamp,)`` numbers of groups: lamps in one place, or one photograph twice, tell as much as
-    one.
+    """``(lamp,)`` numbers of groups: lamps in one place tell as much as one.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ _SIDES: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 
 UNEVEN = 0.025
-"""Largest spread of strengths: matte paintings under equal lamps stay below 0.01, glossy ones for
-which the model is wrong are above 0.1 (docs/calibrate.md)."""
+"""Largest spread of strengths: lamps that differ by 2 % are 1.6 degrees off, which the errors say;
+rough gloss, for which the model is wrong, looks like 3 % (docs/calibrate.md)."""
 FOUND = 0.65
 """Least share of the lamps that follow the model: on a glossy relief with 10 of 16 directions were
 7 degrees off, with 33 of 48 3 (docs/calibrate.md)."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from impasto.calibrate.camera import linear_photograph
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import list_images
+from impasto.io.images import photographs_in
 from impasto.io.session.frames import FrameSource
 
 Array = NDArray[np.float64]
@@ -86,9 +86,9 @@ def patches_of(pictures: Iterable[NDArray[np.floating]], names: tuple[str, ...])
             )
         full = float(np.max(picture, initial=0.0, where=np.isfinite(picture)))
         cut = np.array([picture[:, y : y + SIDE, x : x + SIDE] for y, x in corners], np.float64)
-        known = (np.isfinite(cut) & (cut < CLIPPED * full)).all(axis=1)
-        grey = np.where(known[:, None], cut, 0.0).mean(axis=1)
-        if not (known & (grey > 0.0)).mean() >= SHOWN:
+        known = np.asarray((np.isfinite(cut) & (cut < CLIPPED * full)).all(axis=1))
+        grey = np.asarray(np.where(known[:, None], cut, 0.0).mean(axis=1))
+        if np.count_nonzero(known & (grey > 0.0)) < SHOWN * grey.size:
             if not np.isfinite(cut).any():
                 what = "nothing but NaN"
             else:
@@ -132,11 +132,7 @@ def read_patches(
         A file cannot be read.
     """
     home = Path(folder)
-    if not home.is_dir():
-        raise ArgumentError(f"path: {home} is not a folder")
-    paths = list_images(home)
-    if not paths:
-        raise ArgumentError(f"path: {home} holds no photographs")
+    paths = photographs_in(home)
     pictures = (linear_photograph(path, encoding, dark) for path in paths)
     return patches_of(pictures, tuple(path.name for path in paths))
 
