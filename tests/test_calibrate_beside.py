@@ -87,7 +87,7 @@ def test_a_real_ball_that_fills_the_photographs_is_found(data: Path, tmp_path: P
 
 def test_photographs_of_an_icon_show_no_ball(data: Path) -> None:
     """It is gilded, and has haloes: round things that glitter."""
-    with pytest.raises(ArgumentError, match="no mirror ball found in 72 photographs"):
+    with pytest.raises(ArgumentError, match=r"no mirror ball found .*, 72 in all"):
         read_balls(data / "icon_rti")
 
 
@@ -182,7 +182,7 @@ def test_distant_lamps_have_no_position(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_photographs_without_a_ball_or_of_other_sizes(tmp_path: Path) -> None:
     folder = photographs(tmp_path / "none", places=())
-    with pytest.raises(ArgumentError, match="no mirror ball found in 5 photographs"):
+    with pytest.raises(ArgumentError, match=r"no mirror ball found .*, 5 in all"):
         read_balls(folder)
     tifffile.imwrite(folder / "09.tif", np.zeros((20, 30, 3), np.uint8), photometric="rgb")
     with pytest.raises(ArgumentError, match=r"09\.tif: 30 x 20 pixels, but 00\.tif has 480 x 330"):

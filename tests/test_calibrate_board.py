@@ -257,6 +257,17 @@ def test_overexposed_dark_unlit_and_missing_boards_are_named(made: Path, tmp_pat
     text = refused(made, photograph(tmp_path / "weak", 3, weak))
     assert "lamp1.tif has 9." in text
     assert "did the lamp not light?" in text
+
+    # Paint of a relief in place of the board: light and dark by 20 %, at random.
+    paint = np.exp(0.2 * np.random.default_rng(2).normal(size=(6, 6)))
+
+    def painting(lamp: int, light: np.ndarray) -> np.ndarray:
+        rows, columns = light.shape[-2:]
+        coarse = np.kron(paint, np.ones((rows // 6 + 1, columns // 6 + 1)))[:rows, :columns]
+        return light * coarse
+
+    text = refused(made, photograph(tmp_path / "painting", 3, painting))
+    assert "is it a photograph of the painting?" in text
     folder = photograph(tmp_path / "less", 3)
     (folder / "lamp3.tif").unlink()
     assert "no photograph of the board for lamp3.tif" in refused(made, folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,58 @@ def test_photographs_that_cannot_do(near: np.ndarray) -> None:
         patches_of(uneven, NAMES[:2])
 
 
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda one, _: np.zeros_like(one), "03.png is black"),
+        (lambda one, _: np.full_like(one, 0.5), "03.png is mostly clipped, at 0.5"),
+        (lambda one, _: np.full_like(one, np.nan), "03.png is nothing but NaN"),
+        (lambda one, _: 1e-3 * one, "03.png is almost black beside the others"),
+        (lambda _, first: first, "03.png is a copy of 00.png"),
+    ],
+)
+def test_photographs_that_show_nothing_are_named(
+    near: np.ndarray, spoil: Callable[[np.ndarray, np.ndarray], np.ndarray], message: str
+) -> None:
+    pictures = near.copy()
+    pictures[3] = spoil(near[3], near[0])
+    with pytest.raises(impasto.ArgumentError, match=message):
+        found(pictures)
+
+
+def test_one_lamp_twice_is_no_second_lamp(truth: np.ndarray, near: np.ndarray) -> None:
+    """Five lamps, two photographs of each with noise of their own: 5 vectors for 6 unknowns."""
+    noise = 0.002 * np.random.default_rng(9).normal(size=near[:5].shape)
+    pictures = np.concatenate([near[:5], near[:5] + noise])
+    with pytest.raises(impasto.GeometryError, match="only 5 different lamps"):
+        found(pictures)
+
+
+def test_units_at_the_ends_of_floats_and_a_hole(truth: np.ndarray, near: np.ndarray) -> None:
+    """Light in any unit; a part of the painting that no photograph shows."""
+    pictures = 1e300 * near
+    pictures[:, 60:100, 60:100] = np.inf
+    lights = found(pictures, strengths=np.full(LAMPS, 1e-300))
+    off = degrees(lights.directions, truth)
+    # As in the first test.
+    assert (off < 0.4 + 3.0 * np.degrees(lights.sigma)).all()
+
+
+def test_errors_under_weak_gloss(truth: np.ndarray) -> None:
+    """Broad gloss of 2 % turns all lamps alike, so that no two samples of them differ.
+
+    Dark and bright paint do. All lamps turn together, so that they are one case: one turn about two
+    axes over one difference about two axes. The square of that has the F distribution with two and
+    two degrees of freedom where both are alike, and its root is above 2 in one case of five.
+    Without that difference it is 2.7 here.
+    """
+    pictures = matte_relief.photographs(truth, inverse_distance=1 / 6, gloss=0.02, width=0.3)
+    lights = found(pictures)
+    known = lights.known
+    ratio = degrees(lights.directions, truth)[known] / np.degrees(lights.sigma)[known]
+    assert np.sqrt(np.mean(np.square(ratio))) < 2.0
+
+
 def test_curl_tells_the_angle() -> None:
     """Slopes of a cubic surface, turned by a known angle, are turned back.
 
@@ -183,6 +236,18 @@ def test_the_icon_is_refused(data: Path) -> None:
         lights_from_panel(patches)
 
 
+def test_a_folder_of_folders_is_told_which_to_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    home = tmp_path / "raking light"
+    home.mkdir()
+    write_png16(home / "1.png", np.zeros((60, 60, 3), np.uint16))
+    out = tmp_path / "lights.lp"
+    assert main(["calibrate", "lights-from-painting", str(tmp_path), "--out", str(out)]) == 1
+    error = capsys.readouterr().err
+    assert "holds no photographs; raking light in it does: give that folder" in error
+
+
 def test_command(
     tmp_path: Path, truth: np.ndarray, near: np.ndarray, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -200,7 +265,7 @@ def test_command(
     sigma = [one["sigma_degrees"] for one in report["lights"]]
     # As in the first test; the codes of 16 bits add nothing to the noise.
     assert (off < 0.4 + 3.0 * np.array(sigma)).all()
-    assert len(report["taken_for_granted"]) == 3
+    assert len(report["taken_for_granted"]) == 4
     assert out.with_suffix(".png").stat().st_size > 10_000
     assert "taken for granted" in capsys.readouterr().err
     assert impasto.read_stack(folder, lights=out).shape[0] == LAMPS

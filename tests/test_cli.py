@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -531,3 +532,32 @@ def test_a_full_disk_is_told_in_words(
     monkeypatch.setattr("impasto.study.run", full)
     assert main(["study", str(stack), "--quiet"]) == 1
     assert capsys.readouterr().err.strip() == "impasto: no space left on device"
+
+
+@pytest.mark.parametrize(
+    "group", ["calibrate", "capture", "edit", "experiment", "export", "job", "rti", "session"]
+)
+def test_every_command_of_a_group_is_described(
+    group: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([group, "--help"]) == 0
+    rows = capsys.readouterr().out.split("Commands ")[1].splitlines()[1:-1]
+    # A row that begins with a name goes on with words.
+    named = [row.strip("│ ").split(maxsplit=1) for row in rows if re.match(r"│ \S", row)]
+    assert len(named) >= 2
+    assert [row[0] for row in named if len(row) < 2] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "more"),
+    [
+        (["rehearse"], "four markers and two mirror balls"),
+        (["export", "gltf"], "a panel of the painting"),
+        (["calibrate", "lights"], "FOLDER holds photographs of the painting"),
+    ],
+)
+def test_help_of_a_command_says_more_than_the_list(
+    words: list[str], more: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*words, "--help"]) == 0
+    assert more in " ".join(capsys.readouterr().out.split())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import list_images
+from impasto.io.images import photographs_in
 from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
 from impasto.io.session.observations import find_lights
@@ -26,11 +26,7 @@ def photographs_of(folder: Path) -> list[Path]:
     ArgumentError
         No folder, none in it, or two whose names differ in their endings only.
     """
-    if not folder.is_dir():
-        raise ArgumentError(f"path: {folder} is not a folder")
-    paths = list_images(folder)
-    if not paths:
-        raise ArgumentError(f"path: {folder} holds no photographs")
+    paths = photographs_in(folder)
     seen: dict[str, Path] = {}
     for path in paths:
         other = seen.setdefault(path.stem.casefold(), path)

@@ -20,7 +20,7 @@ from impasto.calibrate.highlight import find_highlight, luma
 from impasto.calibrate.lights import BallPhotographs
 from impasto.calibrate.outline import Outline, strongest_circle
 from impasto.errors import ArgumentError
-from impasto.io.images import open_picture
+from impasto.io.images import open_picture, photographs_below
 
 Box: TypeAlias = tuple[int, int, int, int]
 """Top, left, height and width in pixels."""
@@ -149,10 +149,12 @@ def _found(photographs: Sequence[Path], size: tuple[int, int]) -> list[Box]:
         if all(np.hypot(*(circle - one)[:2]) > one[2] for one in circles):
             circles.append(circle)
     if not circles:
+        home = photographs[0].parent
         raise ArgumentError(
-            f"path: no mirror ball found in {len(photographs)} photographs: a ball is a circle "
-            "with one small, bright highlight under each lamp; give its place, --ball TOP LEFT "
-            "HEIGHT WIDTH (boxes= in Python), or put crops of each ball into a folder of its own"
+            f"path: no mirror ball found in the photographs of {home}, {len(photographs)} in all"
+            f"{photographs_below(home)}: a ball is a circle with one small, bright highlight under "
+            "each lamp; give its place, --ball TOP LEFT HEIGHT WIDTH (boxes= in Python), or put "
+            "crops of each ball into a folder of its own"
         )
     return [_box(circle / scale, size) for circle in sorted(circles, key=lambda c: float(c[0]))]
 

@@ -26,6 +26,9 @@ SEEN = 5.0
 """Robust standard deviations from which a block is no noise ..."""
 LEAST = 0.01
 """... and its relative difference, at least."""
+UNSURE = 0.05
+"""Standard deviation of a strength above which it is no board that was photographed: that of a
+simulated board is 0.0001, that of the painting in its place 0.18."""
 UNLIT = 0.1
 """Share of the median strength below which a lamp did not light."""
 
@@ -170,6 +173,12 @@ def _board(frames: BoardFrames) -> Board:
         raise ArgumentError(
             f"board: {named} has {100 * share:.1f} % of the usual light; did the lamp not light? "
             "Photograph the board under it again"
+        )
+    rough = int(np.argmax(sigma.max(axis=1)))
+    if sigma[rough].max() > UNSURE:
+        raise ArgumentError(
+            f"board: {frames.names[rough]} is uneven as no white board is: its strength would be "
+            f"uncertain by {100 * sigma[rough].max():.0f} %; is it a photograph of the painting?"
         )
     residual = np.array([np.mean([one.residual for one in row], axis=0) for row in fields])
     light = np.array([np.mean(planes, axis=0) for planes in frames.light])

@@ -132,7 +132,7 @@ def _detected(light: Array, where: str) -> Array:
 
     none = ArgumentError(
         f"{where}: no ColorChecker found; give the middles of its corner patches, dark skin, "
-        "bluish green, black and white (--corners, corners= in Python)"
+        "bluish green, black and white (corners=)"
     )
     if len(light) < 3:
         raise none

@@ -19,7 +19,7 @@ from impasto._internal.checks import one_of
 from impasto.calibrate.target import Target, target_from
 from impasto.calibrate.tones import light_from
 from impasto.errors import ArgumentError, GeometryError
-from impasto.io.images import list_images, read_image
+from impasto.io.images import photographs_in, read_image
 from impasto.lens import FREE, NAMES, Lens, LensModel
 
 Floats = NDArray[np.float64]
@@ -169,12 +169,7 @@ def _sources(
     photographs: str | Path | Sequence[NDArray[np.generic]],
 ) -> list[tuple[str, Callable[[], NDArray[np.generic]]]]:
     if isinstance(photographs, str | Path):
-        folder = Path(photographs)
-        if not folder.is_dir():
-            raise ArgumentError(f"path: {folder} is not a folder")
-        paths = list_images(folder)
-        if not paths:
-            raise ArgumentError(f"path: {folder} holds no photographs")
+        paths = photographs_in(Path(photographs))
         return [(path.name, lambda path=path: read_image(path)) for path in paths]  # type: ignore[misc]
     return [
         (f"photograph {number}", lambda one=one: np.asarray(one))  # type: ignore[misc]

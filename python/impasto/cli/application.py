@@ -85,7 +85,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         alone()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        result = application()(
+        commands = application()
+        _tell_more(commands, words)
+        result = commands(
             words, exit_on_error=False, print_error=False, result_action="return_value"
         )
         sys.stdout.flush()
@@ -123,6 +125,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # no error of any library ends in a traceback
         console.complain(printable(_defect_words(error)))
         return Exit.DEFECT
+
+
+def _tell_more(commands: App, words: Sequence[str]) -> None:
+    """For the help of one command its docstring, not the line that lists it."""
+    if not {"--help", "-h"} & set(words):
+        return
+    named = [word for word in words if not word.startswith("-")]
+    command = commands.parse_commands(named)[1][-1]
+    if command.default_command is not None:
+        command.help = None
 
 
 def _version() -> str:

@@ -28,13 +28,19 @@ def application() -> App:
         name="calibrate",
         help="Find lamps, a camera, a lens and a tone curve from photographs made for that.",
     )
-    app.command("impasto.cli.calibrate:lights")
-    app.command("impasto.cli.calibrate_painting:lights_from_painting")
-    app.command("impasto.cli.calibrate:camera")
-    app.command("impasto.cli.calibrate_light:monochromator")
-    app.command("impasto.cli.calibrate:lens")
-    app.command("impasto.cli.calibrate_light:board")
-    app.command("impasto.cli.calibrate_light:linearity")
+    app.command("impasto.cli.calibrate:lights", help="Lamps, from mirror balls.")
+    app.command(
+        "impasto.cli.calibrate_painting:lights_from_painting",
+        help="Lamps where there is no ball, from the painting itself.",
+    )
+    app.command("impasto.cli.calibrate:camera", help="A camera, from a ColorChecker.")
+    app.command("impasto.cli.calibrate_light:monochromator", help="A camera, from a monochromator.")
+    app.command("impasto.cli.calibrate:lens", help="A lens, from a chessboard.")
+    app.command("impasto.cli.calibrate_light:board", help="Strengths of lamps, from a white board.")
+    app.command(
+        "impasto.cli.calibrate_light:linearity",
+        help="A tone curve, from grey patches or exposures.",
+    )
     return app
 
 

@@ -21,11 +21,17 @@ WIDTHS = {"matte": 0.3, "satin": 0.12, "gloss": 0.075}
 def application() -> App:
     """The commands below ``impasto capture``."""
     app = App(name="capture", help="Plan photographs, take them, and check them.")
-    app.command("impasto.cli.capture:plan")
-    app.command("impasto.cli.capture:ball_joint", name="ball-joint")
-    app.command("impasto.cli.capture:exposure")
-    app.command("impasto.cli.capture_run:run")
-    app.command("impasto.cli.capture_run:check")
+    app.command(
+        "impasto.cli.capture:plan", help="Say what the lamps of a rig will tell of a painting."
+    )
+    app.command(
+        "impasto.cli.capture:ball_joint",
+        name="ball-joint",
+        help="Rotations of a ball-joint rig for each light and view.",
+    )
+    app.command("impasto.cli.capture:exposure", help="Exposures from a pilot photograph.")
+    app.command("impasto.cli.capture_run:run", help="Take the photographs, or go on with them.")
+    app.command("impasto.cli.capture_run:check", help="Check photographs that were taken.")
     return app
 
 

@@ -21,9 +21,9 @@ def application() -> App:
         name="edit",
         help="Correct marks, outlines of balls and depth meshes by hand, on a page in the browser.",
     )
-    app.command("impasto.cli.edit:marks")
-    app.command("impasto.cli.edit:balls")
-    app.command("impasto.cli.edit:mesh")
+    app.command("impasto.cli.edit:marks", help="Marks of a plane, for impasto align.")
+    app.command("impasto.cli.edit:balls", help="Outlines of mirror balls.")
+    app.command("impasto.cli.edit:mesh", help="A depth mesh, of impasto align --depth.")
     return app
 
 

@@ -25,8 +25,8 @@ def application() -> App:
         name="experiment",
         help="Match pictures with a painting from memory: the adaptation experiment.",
     )
-    app.command("impasto.cli.experiment:run")
-    app.command("impasto.cli.experiment:analyse")
+    app.command("impasto.cli.experiment:run", help="Run it with one observer, in the browser.")
+    app.command("impasto.cli.experiment:analyse", help="Degrees of adaptation from its sessions.")
     return app
 
 

@@ -34,14 +34,23 @@ if TYPE_CHECKING:
 
 MEMORY = "4GiB"
 LABEL_WIDTH = 12
+COMMANDS = {
+    "run": "Fit a painting tile by tile, or go on with that.",
+    "status": "Show how far a job is.",
+    "resume": "Go on with a job that was interrupted.",
+    "verify": "Compare its files with its journal.",
+    "rerun": "Make a finished store once more, and compare the bytes.",
+    "export": "Put a finished job into an RO-Crate for an archive.",
+    "merge": "Merge overlapping frames of one painting.",
+}
 
 
 def application() -> App:
     """The commands below ``impasto job``."""
     app = App(name="job", help="Fit a painting of any size, tile by tile, and resume it.")
-    for name in ("run", "status", "resume", "verify", "rerun", "export"):
-        app.command(f"impasto.cli.job:{name}")
-    app.command("impasto.cli.merging:merge")
+    for name, words in COMMANDS.items():
+        module = "merging" if name == "merge" else "job"
+        app.command(f"impasto.cli.{module}:{name}", help=words)
     return app
 
 

@@ -17,8 +17,8 @@ from impasto.errors import ArgumentError
 def application() -> App:
     """The commands below ``impasto session``."""
     app = App(name="session", help="Describe photographs in a session.toml, and check them by it.")
-    for name in ("init", "check"):
-        app.command(f"impasto.cli.session:{name}")
+    app.command("impasto.cli.session:init", help="Write a session.toml from what lies in a folder.")
+    app.command("impasto.cli.session:check", help="Say whether files are as it describes them.")
     return app
 
 

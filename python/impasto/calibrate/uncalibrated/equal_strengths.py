@@ -22,6 +22,8 @@ FLOOR = 0.01
 """Least relative spread of squares of strengths: lamps that are called alike are no more alike."""
 LEAST = 8
 """Lamps without which six numbers are not checked."""
+SAME = 0.05
+"""Distance of lamps of root mean square length 1.7 below which they are one: some 2 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +78,21 @@ def equal_strengths(lamps: Array, good: NDArray[np.bool_], seed: int = 0) -> Equ
         return None
     # The form is of squares of strengths.
     return EqualStrengths(whitening @ matrix, weights, 0.5 * spread)
+
+
+def same_lamps(lamps: Array, good: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """``(lamp,)`` numbers of groups: lamps in one place tell as much as one.
+
+    Parameters
+    ----------
+    lamps, good
+        As for :func:`equal_strengths`.
+    """
+    _, size, axes = np.linalg.svd(lamps[good], full_matrices=False)
+    size = np.maximum(size, np.finfo(float).eps * size[0])
+    places = lamps @ (np.sqrt(good.sum()) * axes.T / size)
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)
+    return np.asarray(np.argmax(apart < SAME, axis=1))
 
 
 def with_weights(lamps: Array, weights: Array) -> Array | None:

@@ -6,7 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import numbers, one_of
-from impasto.calibrate.uncalibrated.equal_strengths import LEAST, EqualStrengths, equal_strengths
+from impasto.calibrate.uncalibrated.equal_strengths import (
+    LEAST,
+    EqualStrengths,
+    equal_strengths,
+    same_lamps,
+)
 from impasto.calibrate.uncalibrated.factorisation import factorise
 from impasto.calibrate.uncalibrated.fall_off import fall_off, inverse_square_share
 from impasto.calibrate.uncalibrated.panel import PanelFrame, mirrored, panel_frame
@@ -20,13 +25,18 @@ _SIDES: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 
 UNEVEN = 0.025
-"""Largest spread of strengths: matte paintings under equal lamps stay below 0.01, glossy ones for
-which the model is wrong are above 0.1 (docs/calibrate.md)."""
+"""Largest spread of strengths: lamps that differ by 2 % are 1.6 degrees off, which the errors say;
+rough gloss, for which the model is wrong, looks like 3 % (docs/calibrate.md)."""
 FOUND = 0.65
 """Least share of the lamps that follow the model: on a glossy relief with 10 of 16 directions were
 7 degrees off, with 33 of 48 3 (docs/calibrate.md)."""
 FOLLOW = 0.8
 """Least share of the photographs without many highlights that do."""
+UNLIT = 0.005
+"""Share of the median light below which a lamp does not light a painting: 0.3 degrees of grazing
+light."""
+PIXELS_LEAST = 500
+"""Pixels of a patch: the fewest that any photographs can show and that are enough for factors."""
 WORST = 6.0
 """Median error in degrees from which directions are worth nothing."""
 CLEAR = 0.7
@@ -66,7 +76,8 @@ def lights_from_panel(
     Raises
     ------
     ArgumentError
-        Fewer than eight photographs, strengths of another number or not positive.
+        Fewer than eight photographs, one that no lamp lights, strengths of another number or not
+        positive, a side that the photographs contradict.
     GeometryError
         The photographs do not follow the model, or do not tell: the message says in what.
     """
@@ -80,18 +91,22 @@ def lights_from_panel(
         )
     strong = np.ones(count)
     if strengths is not None:
-        strong = numbers(strengths, "strengths", "one for each lamp").astype(np.float64)
-        if strong.ndim == 2:
-            strong = strong.mean(axis=1)
-        if strong.shape != (count,) or not (strong > 0.0).all():
-            raise ArgumentError(
-                f"strengths: expected {count} positive numbers, one for each photograph, found "
-                f"shape {strong.shape}"
-            )
+        strong = _checked(numbers(strengths, "strengths", "one for each lamp"), count)
+    _check_lit(patches, strong)
+    _check_copies(patches)
     fields = fall_off(patches)
-    light = patches.light / fields.field / strong[:, None, None, None]
+    # Of size 1 whatever the unit: products of numbers near the ends of floats are no numbers.
+    unit_of_light = float(np.nanmedian(patches.light))
+    light = patches.light / unit_of_light / fields.field / strong[:, None, None, None]
     sample = Sample.of(light, seed)
+    if sample.values.shape[1] < PIXELS_LEAST:
+        raise ArgumentError(
+            f"photographs: only {sample.values.shape[1]} of their pixels show something under "
+            f"most lamps; at least {PIXELS_LEAST} are needed"
+        )
     factors = factorise(sample.values, seed)
+    groups = same_lamps(factors.lamps, factors.clean)
+    _check_different(groups, count)
     form = equal_strengths(factors.lamps, factors.clean, seed)
     _check_model(form, factors.clean)
     assert form is not None
@@ -107,7 +122,7 @@ def lights_from_panel(
         choices.append(mirrored(frame, surface, counts))
     directions, side = _facing(choices, lamps, fields.slope, known)
     directions = _on_side(directions, side, known, first_from, mirror)
-    sigma = fit.errors(directions, known, seed)
+    sigma = fit.errors(directions, known, groups, seed)
     typical = float(np.degrees(np.median(sigma[known])))
     if not typical <= WORST:
         raise GeometryError(
@@ -121,6 +136,50 @@ def lights_from_panel(
     )  # fmt: skip
 
 
+def _checked(strengths: NDArray[np.generic], count: int) -> Array:
+    """``(lamp,)`` strengths of mean 1."""
+    strong = strengths.astype(np.float64)
+    flat = strong.ndim in (1, 2) and len(strong) == count and strong.size > 0
+    if not flat or not (np.isfinite(strong) & (strong > 0.0)).all():
+        raise ArgumentError(
+            f"strengths: expected {count} positive numbers, one for each photograph, or as many "
+            f"rows of them, one for each band, found shape {strong.shape}"
+        )
+    strong = strong / strong.max()
+    strong = strong.reshape(count, -1).mean(axis=1)
+    return np.asarray(strong / np.median(strong))
+
+
+def _check_lit(patches: Patches, strong: Array) -> None:
+    level = np.nanmedian(patches.light.reshape(len(strong), -1), axis=1) / strong
+    dark = np.flatnonzero(level <= UNLIT * np.median(level))
+    if len(dark):
+        raise ArgumentError(
+            f"photographs: {patches.names[dark[0]]} is almost black beside the others: its lamp "
+            "did not light, or stands behind the painting; leave it out"
+        )
+
+
+def _check_copies(patches: Patches) -> None:
+    seen: dict[bytes, str] = {}
+    for light, name in zip(patches.light, patches.names, strict=True):
+        first = seen.setdefault(light.tobytes(), name)
+        if first != name:
+            raise ArgumentError(
+                f"photographs: {name} is a copy of {first}: leave one of them out, and count the "
+                "lamps again"
+            )
+
+
+def _check_different(groups: NDArray[np.intp], count: int) -> None:
+    different = len(np.unique(groups))
+    if different < LEAST:
+        raise GeometryError(
+            f"lights: the {count} photographs show only {different} different lamps, the same one "
+            f"under several names; at least {LEAST} are needed, in different places; or {NO_BALL}"
+        )
+
+
 def _check_model(form: EqualStrengths | None, clean: NDArray[np.bool_]) -> None:
     count = len(clean)
     found = 0 if form is None else int((form.weights > 0.0).sum())
@@ -128,7 +187,8 @@ def _check_model(form: EqualStrengths | None, clean: NDArray[np.bool_]) -> None:
         which = f"only {found} of {count}" if found else "hardly any"
         raise GeometryError(
             f"lights: {which} photographs look like those of a matte relief under equally strong "
-            f"lamps: gloss or gold hides the shading, or strengths differ; {NO_BALL}"
+            f"lamps: gloss or gold hides the shading, there is no relief, "
+            f"or strengths differ; {NO_BALL}"
         )
     if form.spread > UNEVEN:
         raise GeometryError(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impasto.calibrate.uncalibrated.factorisation import tukey
-from impasto.calibrate.uncalibrated.patches import Array, Patches
+from impasto.calibrate.uncalibrated.patches import Array, Patches, median_of_known
 
 EVERY = 5
 """One of so many pixels: thousands for six numbers."""
@@ -40,9 +40,8 @@ class FallOff:
 def fall_off(patches: Patches) -> FallOff:
     """The smooth field of each photograph."""
     light = np.where(patches.light > 0.0, patches.light, np.nan)
-    level = np.nanmedian(light, axis=(1, 2, 3), keepdims=True)
-    ratio = np.log(light / level)
-    ratio -= np.nanmedian(ratio, axis=0)
+    ratio = np.log(light / median_of_known(light, (1, 2, 3)))
+    ratio -= median_of_known(ratio, 0)
     x, y = patches.place[..., 0], patches.place[..., 1]
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
     table = terms.reshape(-1, 6)[::EVERY]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from impasto.calibrate.camera import linear_photograph
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
-from impasto.io.images import list_images
+from impasto.io.images import photographs_in
 from impasto.io.session.frames import FrameSource
 
 Array = NDArray[np.float64]
@@ -24,6 +24,9 @@ COUNT = 64
 """Patches at most: 37,000 pixels tell lamps as well as all do."""
 CLIPPED = 0.995
 """Share of the largest value from which a sample counts as clipped."""
+SHOWN = 0.25
+"""Least share of the samples of a photograph that show something: of a quarter, half of the patches
+may still be a margin or a mask."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +59,22 @@ def patches_of(pictures: Iterable[NDArray[np.floating]], names: tuple[str, ...])
         ``(band, y, x)`` each: linear light, 0 where there is none.
     names
         One for each.
+
+    Raises
+    ------
+    ArgumentError
+        No photographs, of several sizes, smaller than 48 x 48 pixels, or one that shows nothing.
     """
+    if not names:
+        raise ArgumentError("photographs: none were given")
     light: list[Array] = []
     corners: list[tuple[int, int]] = []
     shape: tuple[int, ...] = ()
     for name, picture in zip(names, pictures, strict=True):
+        if picture.ndim != 3 or not len(picture):
+            raise ArgumentError(
+                f"photographs: {name} has shape {picture.shape}, expected (band, y, x)"
+            )
         if not light:
             shape = picture.shape
             corners = _corners(shape[1], shape[2])
@@ -70,10 +84,20 @@ def patches_of(pictures: Iterable[NDArray[np.floating]], names: tuple[str, ...])
                 f"{len(picture)} bands, {names[0]} {shape[2]} x {shape[1]} and {shape[0]}: all "
                 "must be of one size, from one place"
             )
-        full = float(np.nanmax(picture, initial=0.0))
+        full = float(np.max(picture, initial=0.0, where=np.isfinite(picture)))
         cut = np.array([picture[:, y : y + SIDE, x : x + SIDE] for y, x in corners], np.float64)
-        known = (np.isfinite(cut) & (cut < CLIPPED * full)).all(axis=1)
-        light.append(np.where(known, cut.mean(axis=1), np.nan))
+        known = np.asarray((np.isfinite(cut) & (cut < CLIPPED * full)).all(axis=1))
+        grey = np.asarray(np.where(known[:, None], cut, 0.0).mean(axis=1))
+        if np.count_nonzero(known & (grey > 0.0)) < SHOWN * grey.size:
+            if not np.isfinite(cut).any():
+                what = "nothing but NaN"
+            else:
+                what = f"mostly clipped, at {full:.4g}" if full > 0.0 else "black"
+            raise ArgumentError(
+                f"photographs: {name} is {what}: it shows no shading; leave it out, or photograph "
+                "it again"
+            )
+        light.append(np.where(known, grey, np.nan))
     rows, columns = shape[1:]
     y, x = np.mgrid[:SIDE, :SIDE]
     place = np.array(
@@ -99,15 +123,25 @@ def read_patches(
         One photograph for each lamp and no others.
     encoding, dark
         As for :func:`impasto.calibrate.linear_photograph`.
+
+    Raises
+    ------
+    ArgumentError
+        No folder, or none with photographs; and as :func:`patches_of`.
+    CorruptInputError
+        A file cannot be read.
     """
     home = Path(folder)
-    if not home.is_dir():
-        raise ArgumentError(f"path: {home} is not a folder")
-    paths = list_images(home)
-    if not paths:
-        raise ArgumentError(f"path: {home} holds no photographs")
+    paths = photographs_in(home)
     pictures = (linear_photograph(path, encoding, dark) for path in paths)
     return patches_of(pictures, tuple(path.name for path in paths))
+
+
+def median_of_known(values: Array, axis: int | tuple[int, ...]) -> Array:
+    """The median of what is not NaN along axes, which stay; NaN where nothing is."""
+    some = np.isfinite(values).any(axis=axis, keepdims=True)
+    median = np.nanmedian(np.where(some, values, 0.0), axis=axis, keepdims=True)
+    return np.where(some, median, np.nan)
 
 
 def _corners(rows: int, columns: int) -> list[tuple[int, int]]:

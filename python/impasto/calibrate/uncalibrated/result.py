@@ -64,6 +64,8 @@ class PanelLights:
         )
         return (
             "all lamps are equally strong on the painting, or as strong as given",
+            "values are proportional to the light of one lamp: a wrong --encoding, black level or "
+            "light of the room turns lamps",
             "the painting as a whole faces the camera: a tilt of it would turn all lamps",
             side,
         )

@@ -7,6 +7,8 @@ from impasto.io.images.read import (
     load_image,
     natural_key,
     open_picture,
+    photographs_below,
+    photographs_in,
     read_header,
     read_image,
 )
@@ -27,6 +29,8 @@ __all__ = [
     "load_image",
     "natural_key",
     "open_picture",
+    "photographs_below",
+    "photographs_in",
     "read_header",
     "read_image",
     "write_exr",

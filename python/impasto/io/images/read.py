@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
-from impasto.errors import CorruptInputError
+from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.images.exr import ExrSource
 from impasto.io.images.exr_structure import exr_parts
 from impasto.io.images.header import MAX_PIXELS, ImageHeader, check_size, truncated
@@ -25,6 +25,7 @@ from impasto.io.images.picture import Picture, WholePicture
 from impasto.io.images.png import png_header
 from impasto.io.images.raw import RAW_SUFFIXES, open_raw
 from impasto.io.images.tiff import open_tiff
+from impasto.io.notes import few
 
 _DAMAGE_OF_JPEG = b"Corrupt JPEG data|Premature end of JPEG"
 JPEG_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe"})
@@ -227,6 +228,33 @@ def list_images(folder: Path) -> list[Path]:
     raw = {path.stem for path in found if path.suffix.lower() in RAW_SUFFIXES}
     found = [p for p in found if p.suffix.lower() not in JPEG_SUFFIXES or p.stem not in raw]
     return sorted(found, key=lambda path: natural_key(path.name))
+
+
+def photographs_in(folder: Path) -> list[Path]:
+    """The pictures of a folder that must have some, in natural order.
+
+    Raises
+    ------
+    ArgumentError
+        No folder, or none in it: the message names the folders below that have some.
+    """
+    if not folder.is_dir():
+        raise ArgumentError(f"path: {folder} is not a folder")
+    paths = list_images(folder)
+    if not paths:
+        raise ArgumentError(f"path: {folder} holds no photographs{photographs_below(folder)}")
+    return paths
+
+
+def photographs_below(folder: Path) -> str:
+    """Words for the end of a message: which folders in this one hold photographs; or none."""
+    homes = sorted((home for home in folder.iterdir() if home.is_dir()), key=lambda one: one.name)
+    there = [home.name for home in homes if not home.name.startswith(".") and list_images(home)]
+    if not there:
+        return ""
+    if len(there) == 1:
+        return f"; {there[0]} in it does: give that folder"
+    return f"; {few(there)} in it do: give one of them"
 
 
 def natural_key(name: str) -> tuple[Any, ...]:
