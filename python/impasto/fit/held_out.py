@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto.effort import Preset, resolved
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
 from impasto.fit.cross_validation import full_scale
@@ -112,6 +113,7 @@ class HeldOut:
     median of sample / predicted sample, is taken from it. What is compared is then the surface,
     with strengths of lamps that no rule predicts as well as with those of a dome.
 
+    ``effort``: of surfaces with one lobe. Rigs are told apart as well by those of a draft.
     ``surfaces``: which are fitted. Wrong strengths stand for what a varnish keeps back, and a wrong
     distance hides it; where most light is in the lobes they stand for the shape of these.
     """
@@ -124,8 +126,10 @@ class HeldOut:
         index: float,
         threads: int | None,
         surfaces: Surfaces = "plain",
+        effort: Preset = "draft",
     ) -> None:
         self.surfaces: Surfaces = surfaces
+        self._effort: Preset = effort
         self._others: tuple[Surfaces, Surfaces] = ("plain", "coated")
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
         # A point view says where the middle of the subsample lies, and forbids to pack it.
@@ -245,6 +249,7 @@ class HeldOut:
             ambient=True,
             coated=self.coated,
             index=self._index,
+            effort=resolved(self._effort if lobes == 1 else "standard"),
             threads=self._threads,
             progress=False,
         )

@@ -537,6 +537,7 @@ class _Search:
             index=self._index,
             threads=self._threads,
             surfaces=self._test.surfaces,
+            effort="standard",
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
         found = adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
