@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.markup import escape
 
 from impasto.cli.console import Stages
 from impasto.encoding import Encoding
@@ -106,6 +107,9 @@ def load_result(folder: Path) -> tuple[Any, Any]:
 def shown_result(folder: Path) -> tuple[Any, Any]:
     """The same for the viewer, which opens a store and reads what is seen of it.
 
+    It also shows the relightable images of other programs: a ``.ptm``, an ``.rti`` or a folder of
+    relight.
+
     Raises
     ------
     ArgumentError
@@ -114,9 +118,35 @@ def shown_result(folder: Path) -> tuple[Any, Any]:
         The result is damaged, or of two runs.
     """
     import impasto
+    from impasto.io.rti import is_relightable, read_relightable
 
     path = result_file(folder)
+    if is_relightable(folder) and (path == folder or not path.exists()):
+        return read_relightable(folder), None
     return (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(folder)
+
+
+def say_notes(painting: Any, stages: Stages) -> None:
+    """What is odd about a relightable image of another program."""
+    for note in getattr(painting, "notes", ()):
+        stages.say(f"  {'':14}[dim]{escape(note)}[/]")
+
+
+def painting_beside(path: Path | None, stages: Stages) -> dict[str, Any]:
+    """Another painting to compare with in the viewer, as options of its contents."""
+    from impasto.io.rti import RelightableImage
+
+    if path is None:
+        return {}
+    with stages.warned(), stages.stage("against") as stage:
+        painting, reflectance = shown_result(path)
+        rows, columns = painting.shape
+        title = stage.note = name_of(path)
+        if isinstance(painting, RelightableImage):
+            title = f"{title} ({painting.format})"
+            stage.note = f"{painting.format}, {columns} x {rows} pixels"
+            say_notes(painting, stages)
+    return {"against": painting, "against_reflectance": reflectance, "against_title": title}
 
 
 def photographs_beside(path: Path | None, encoding: str | None, stages: Stages) -> Any:

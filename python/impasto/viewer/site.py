@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto.errors import ArgumentError
-from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
-from impasto.surface import Relightable
-from impasto.viewer.contents import Contents
+from impasto.viewer.contents import AGAINST, Contents, Shown
 
 MARK = b"window.impasto = "
 """How the document of a site begins."""
 OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs"}
+OWN |= {AGAINST.rstrip("/")}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""
@@ -48,12 +47,15 @@ class Site:
 
 
 def write_site(
-    result: Relightable | StoredSbrdf,
+    result: Shown,
     out: str | os.PathLike[str],
     *,
     reflectance: Any = None,
     stack: Any = None,
     shown: Any = None,
+    against: Shown | None = None,
+    against_reflectance: Any = None,
+    against_title: str = "",
     title: str = "",
     pitch_mm: float | None = None,
     height: ArrayLike | None = None,
@@ -70,7 +72,8 @@ def write_site(
     ----------
     result
         What :func:`impasto.fit_sbrdf` or :func:`impasto.load_sbrdf` returns, an
-        :class:`impasto.Surface`, or a store of any size as :func:`impasto.open_sbrdf` opens it.
+        :class:`impasto.Surface`, a store of any size as :func:`impasto.open_sbrdf` opens it, or a
+        relightable image of another program (:func:`impasto.io.read_relightable`).
     out
         The folder to write.
     reflectance
@@ -80,6 +83,11 @@ def write_site(
         Photographs to compare with, of a result without spectra in one or three bands.
     shown
         Numbers of the photographs; default: four, evenly among all.
+    against, against_reflectance
+        Another painting of the same size, of any kind that ``result`` may be, and its spectra: the
+        page shows both in the same lamp, with a line between them, and their difference.
+    against_title
+        What the page calls it.
     title
         Above the page; default: none.
     pitch_mm
@@ -109,6 +117,9 @@ def write_site(
         reflectance=reflectance,
         stack=stack,
         shown=shown,
+        against=against,
+        against_reflectance=against_reflectance,
+        against_title=against_title,
         title=title,
         pitch_mm=pitch_mm,
         height=height,

@@ -31,7 +31,7 @@ function modelSource(model) {
     return waiting.get(name).promise;
   };
   return {
-    tile: name => load(`tiles/${name}`).then(decompressed),
+    tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
     photograph: number => load(`photographs/${number}`).then(pictureOf),
     close: () => model.off("msg:custom", answer),
   };

@@ -1,6 +1,7 @@
 // What is known of one pixel, and its lobes as functions: the formulas of the shader, for plots.
 
 import { applied, encodeSrgb, labFromXyz } from "./colour.js";
+import { pixelSum } from "./basis.js";
 import { groupsOf, numberAt } from "./half.js";
 import { anglesOf } from "./state.js";
 
@@ -14,6 +15,7 @@ export function pixelValues(doc, buffer, size, column, row) {
   const flags = read("flags"), shown = flags >= doc.shown;
   const status = doc.statuses[shown ? flags - doc.shown : flags];
   if (!shown) return { status, shown };
+  if (doc.basis) return { shown, relit: direction => pixelSum(doc.basis, direction, read) };
   const normal = ["x", "y", "z"].map(name => read(name) / doc.unit);
   const many = (prefix, count) => Array.from({ length: count }, (_, k) => read(prefix + k));
   const diffuse = many("diffuse", doc.coefficients);
@@ -27,6 +29,7 @@ export function pixelValues(doc, buffer, size, column, row) {
 // The 1st and 99th percentile of what layers show on ramps, and the statuses that there are, of a tile.
 export function rangesOf(doc, buffer, size) {
   const found = { width: [], strength: [], height: [] }, statuses = new Set(), ranges = {};
+  if (doc.basis) return { ranges, statuses: [] };
   const step = Math.max(1, Math.floor(size.width * size.height / 4000));
   for (let texel = 0; texel < size.width * size.height; texel += step) {
     const one = pixelValues(doc, buffer, size, texel % size.width, Math.floor(texel / size.width));

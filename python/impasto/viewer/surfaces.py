@@ -1,0 +1,184 @@
+"""A fitted painting, a surface or a store as the page shows it: what its shader needs to know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impasto._internal.waiting import floats
+from impasto._internal.windows import Window
+from impasto.errors import ArgumentError
+from impasto.fit.stored import StoredSbrdf
+from impasto.height import integrate_normals
+from impasto.lighting import metallic, prepare
+from impasto.overview import visible
+from impasto.plan import plan
+from impasto.rig import DistantLight
+from impasto.scene import Scene
+from impasto.surface import Relightable, Surface
+from impasto.viewer.colours import colours_of
+from impasto.viewer.layout import QUALITY, Layout
+from impasto.viewer.scales import Scale, Scales, ScalesInMemory, ScalesOfStore, eye_of
+
+FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
+"""Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
+FEWEST = 100
+"""Normals of which heights are made: a plane through fewer is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePainting:
+    """Normals, colours and lobes, wherever their maps are.
+
+    Attributes
+    ----------
+    maps
+        Parts of it at all scales.
+    effects
+        What a plan decides about the first picture.
+    eye
+        From where pictures show it.
+    pitch_mm
+        Width of a pixel, if known.
+    origin
+        Where its middle lies in the painting, in pixels.
+    bands
+        Their names.
+    reflectance
+        Its spectra; None: bands are shown.
+    beneath
+        Whether there is a map of the share of the gloss that a varnish leaves as it is.
+    quality
+        Which of :data:`~impasto.viewer.layout.QUALITY` there are.
+    """
+
+    maps: Scales
+    effects: list[dict[str, str]]
+    eye: Any
+    pitch_mm: float | None
+    origin: list[float]
+    bands: list[str]
+    reflectance: Any = None
+    beneath: bool = False
+    quality: tuple[str, ...] = ()
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """From the painting itself to the smallest."""
+        return self.maps.scales
+
+    @property
+    def shown_bands(self) -> int | None:
+        """How many bands photographs beside it must have; None: it is shown by spectra."""
+        return len(self.maps.template.diffuse) if self.reflectance is None else None
+
+    @property
+    def layout(self) -> Layout:
+        """How its maps lie in tiles."""
+        return Layout.of(self.maps.template, beneath=self.beneath, quality=self.quality)
+
+    def facts(self) -> dict[str, Any]:
+        """Its entries of the document."""
+        template = self.maps.template
+        count = len(template.diffuse)
+        return {
+            "groups": self.layout.record(),
+            "model": template.model,
+            "lobes": [{"tinted": np.ndim(lobe.strength) == 3} for lobe in template.lobes],
+            "index": float(template.index),
+            "coated": bool(template.coated),
+            "ambient": template.ambient is not None,
+            "beneath": self.beneath,
+            "quality": list(self.quality),
+            "relief": template.height is not None,
+            "coefficients": count,
+            "bands": self.bands,
+            "origin": self.origin,
+            "eye": eye_of(self.eye),
+            "colours": colours_of(self.reflectance, count),
+            "effects": self.effects,
+        }
+
+    def tile(self, scale: Scale, part: Window) -> bytes:
+        """A part as the page reads it."""
+        found = self.maps.part(scale, part)
+        return self.layout.tile(found.surface, found.status, found.beneath, found.quality)
+
+
+def painting_of_store(stored: StoredSbrdf, threads: int | None) -> SurfacePainting:
+    """Of a store of any size: no map is read before a tile is asked for."""
+    count = len(stored.bands)
+    chosen = None if count in {1, 3} else [count - 1, count // 2, 0]
+    # Jobs keep the statistics that a plan needs; of another store every map would be read.
+    planned: Any = None
+    if stored.statistics() is not None and chosen is None:
+        planned = stored.plan(_first_scene(), threads=threads)
+    return SurfacePainting(
+        maps=ScalesOfStore(stored, chosen),
+        effects=[] if planned is None else _effects(planned.effects),
+        eye=stored[:1, :1].eye(),
+        pitch_mm=stored.pitch_mm,
+        origin=[float(value) for value in stored.rig.origin],
+        bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
+    )
+
+
+def painting_in_memory(
+    result: Relightable,
+    reflectance: Any,
+    height: ArrayLike | None,
+    pitch: float | None,
+    threads: int | None,
+) -> SurfacePainting:
+    """Of a result that is loaded; arguments as of :class:`~impasto.viewer.Contents`."""
+    spectra = result.spectra() if reflectance is None else reflectance
+    lit: Any = visible(result, spectra)
+    scene = _first_scene()
+    surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
+    surface = replace(surface, height=_relief(surface, height, pitch, threads))
+    planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
+    beneath: Any = None
+    if spectra is not None:
+        share = metallic(lit.surface())
+        beneath = share if np.ndim(share) else np.full(surface.shape, share, np.float32)
+        beneath = beneath if (beneath > 0.0).any() else None
+    quality = {name: getattr(result, name) for name in QUALITY if hasattr(result, name)}
+    return SurfacePainting(
+        maps=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
+        effects=_effects(planned.effects),
+        eye=lit.eye(),
+        pitch_mm=surface.pitch_mm,
+        origin=[float(value) for value in surface.origin],
+        bands=[str(name) for name in getattr(lit, "bands", ())],
+        reflectance=spectra,
+        beneath=beneath is not None,
+        quality=tuple(quality),
+    )
+
+
+def _relief(
+    surface: Surface, height: ArrayLike | None, pitch: float | None, threads: int | None
+) -> NDArray[np.float32] | None:
+    """Heights in mm, or in pixels where their width is not known; None where nothing is known."""
+    if height is not None:
+        found = floats(height)
+        if found.shape != surface.shape:
+            raise ArgumentError(f"height: expected {surface.shape}, found shape {found.shape}")
+        return found
+    if surface.height is not None:
+        return surface.height
+    if int((surface.normal[2] > 0).sum()) < FEWEST:
+        return None
+    width = surface.pitch_mm if pitch is None else pitch
+    return integrate_normals(surface.normal, width or 1.0, level=True, threads=threads)
+
+
+def _first_scene() -> Scene:
+    return Scene([DistantLight(FIRST_LIGHT)])
+
+
+def _effects(effects: Any) -> list[dict[str, str]]:
+    return [{"name": one.name, "decision": one.decision, "reason": one.reason} for one in effects]
