@@ -540,3 +540,16 @@ def test_controls_have_names(opened: chromium.Chromium) -> None:
     assert len(controls) > 25
     nameless = [node["role"]["value"] for node in controls if not node.get("name", {}).get("value")]
     assert nameless == []
+
+
+def test_notes_that_are_handed_on_hold_no_token(browser: chromium.Chromium, tmp_path: Path) -> None:
+    surface, _ = surfaces()["matte"]
+    with serving(ViewServer(Contents(surface))) as server:
+        browser.open(server.url)
+        browser.value("window.impasto.viewer.askNote([2, 3, 10, 5])")
+        browser.value("document.querySelector('textarea').value = 'a loss'")
+        browser.click("dialog .main")
+        browser.until("window.impasto.viewer.notes.length === 1")
+        (found,) = browser.value("window.impasto.viewer.notes")
+    assert found["target"]["source"] == "urn:impasto:view"
+    assert server.token not in json.dumps(found)

@@ -231,7 +231,7 @@ def test_what_cannot_stand_beside_is_refused(tmp_path: Path) -> None:
     small = RelightableImage(
         random.integers(0, 256, (18, 24, 39), np.uint8), np.ones(18), np.zeros(18), Basis("ptm", 6)
     )
-    with pytest.raises(impasto.ArgumentError, match="40 x 24 pixels.*found 39 x 24"):
+    with pytest.raises(impasto.ArgumentError, match=r"40 x 24 pixels.*found 39 x 24"):
         Contents(painting(1), against=small)
     with pytest.raises(impasto.ArgumentError, match="relightable image has no spectra"):
         Contents(images()["ptm"], reflectance=object())

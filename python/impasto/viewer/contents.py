@@ -165,12 +165,9 @@ class Contents:
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
             "photographs": self._photographs.records,
         }
-        self.document: dict[str, Any] = common | painting.facts() | {"title": title}
+        self.document: dict[str, Any] = {"title": title} | common | painting.facts()
         if other is not None:
-            beside = {name: value for name, value in common.items() if name != "photographs"}
-            self.document["against"] = beside | other.facts() | {
-                "title": against_title, "photographs": self._photographs.records,
-            }  # fmt: skip
+            self.document["against"] = {"title": against_title} | common | other.facts()
 
     @property
     def tiles(self) -> int:

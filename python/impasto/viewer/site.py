@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.printable import printable
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -153,7 +154,13 @@ def _check(target: Path) -> None:
     """Refuse a name that holds anything but an older site."""
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise ArgumentError(f"out: {target} is a file or a link; give the name of a new folder")
-    inside = {one.name for one in target.iterdir()} if target.is_dir() else set()
+    entries = list(target.iterdir()) if target.is_dir() else []
+    if linked := sorted(one.name for one in entries if one.is_symlink()):
+        raise ArgumentError(
+            f"out: {printable(linked[0])} in {target} is a link, which no site of impasto has; "
+            "give another name"
+        )
+    inside = {one.name for one in entries}
     if not inside:
         return
     own = False
@@ -162,6 +169,6 @@ def _check(target: Path) -> None:
             own = document.read(len(MARK)) == MARK
     if foreign := sorted(inside if not own else inside - OWN):
         raise ArgumentError(
-            f"out: {target} holds {foreign[0]}, which is no part of a site of impasto; give "
-            "another name"
+            f"out: {target} holds {printable(foreign[0])}, which is no part of a site of impasto; "
+            "give another name"
         )
