@@ -179,7 +179,7 @@ class LoopbackHandler(BaseHTTPRequestHandler):
         forbidden, words = HTTPStatus.FORBIDDEN, ""
         if self.headers.get_all("Host", []) not in [[host] for host in self.hosts()]:
             words = "the Host is not this server's"
-        elif self._asked_by_another_site():
+        elif self._from_another_site():
             words = "the page of another site may not ask"
         elif not (own and slash):
             words = "open the address that the command printed"
@@ -196,7 +196,7 @@ class LoopbackHandler(BaseHTTPRequestHandler):
             return None
         return path
 
-    def _asked_by_another_site(self) -> bool:
+    def _from_another_site(self) -> bool:
         """Whether a browser says so; to follow a link or to type an address is no such thing."""
         if not set(self.headers.get_all("Origin", [])) <= {f"http://{one}" for one in self.hosts()}:
             return True
