@@ -81,8 +81,10 @@ def main() -> None:
         if store is None:
             source = large_store.fitted(folder)
             store = large_store.repeated(source, folder / "large.impasto.zarr", options.side)
-        for number in range(options.rounds):
-            rounds.append(once(store, folder / f"profile{number}", options.side))
+        rounds += [
+            once(store, folder / f"profile{number}", options.side)
+            for number in range(options.rounds)
+        ]
     rows: list[dict[str, Any]] = [
         {
             "what": what,

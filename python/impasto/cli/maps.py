@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
+from impasto._internal.printable import printable
 from impasto.cli.console import Stages
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
@@ -130,6 +131,15 @@ def say_notes(painting: Any, stages: Stages) -> None:
     """What is odd about a relightable image of another program."""
     for note in getattr(painting, "notes", ()):
         stages.say(f"  {'':14}[dim]{escape(note)}[/]")
+
+
+def say_empty(contents: Any, result: Path, stages: Stages) -> None:
+    """That a page shows nothing, and who knows why."""
+    if contents.empty:
+        stages.say(
+            f"  {'':14}[bold]no pixel of it has an estimate[/]: the page is empty; impasto info "
+            f"{escape(printable(str(result)))} says why"
+        )
 
 
 def painting_beside(path: Path | None, stages: Stages) -> dict[str, Any]:

@@ -60,6 +60,7 @@ def view(
         name_of,
         painting_beside,
         photographs_beside,
+        say_empty,
         say_notes,
         shown_result,
     )
@@ -88,5 +89,6 @@ def view(
             **other,
         )
         stage.note = f"{contents.tiles} tiles"
+    say_empty(contents, result, stages)
     hint = "Ctrl-C here ends it"
     return serve(ViewServer(contents, port), stages, hint, no_browser=no_browser)

@@ -71,6 +71,12 @@ class Painting(Protocol):
     def facts(self) -> dict[str, Any]:
         """Its entries of the document."""
 
+    def effects(self) -> list[dict[str, str]]:
+        """What a plan decides about the first picture, and why."""
+
+    def known(self, scale: Scale, part: Window) -> bool:
+        """Whether anything is known of a part."""
+
     def tile(self, scale: Scale, part: Window) -> bytes:
         """A part as the page reads it.
 
@@ -175,9 +181,17 @@ class Contents:
         count = sum(rows * columns for rows, columns in (one.tiles for one in self._scales))
         return count * len(self._paintings)
 
+    @property
+    def empty(self) -> bool:
+        """Whether no pixel of the painting has an estimate, as far as its smallest scale tells."""
+        scale = self._scales[-1]
+        rows, columns = scale.tiles
+        parts = (scale.window(row, column) for row in range(rows) for column in range(columns))
+        return not any(self._paintings[0].known(scale, part) for part in parts)
+
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
-        yield from ("index.html", "style.css", "viewer.js", "document.js")
+        yield from ("index.html", "style.css", "viewer.js", "document.js", "effects.js")
         yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
         for number, scale in reversed(list(enumerate(self._scales))):
             rows, columns = scale.tiles
@@ -201,7 +215,12 @@ class Contents:
         return None
 
     def data(self, name: str) -> Callable[[], bytes] | None:
-        """The same of a tile or a photograph, by its name without ``.js``: gzip, or a PNG."""
+        """The same by its name without ``.js``: of a tile gzip, of a photograph a PNG.
+
+        ``effects`` is JSON.
+        """
+        if name == "effects":
+            return lambda: json.dumps(self._paintings[0].effects()).encode("ascii")
         if found := TILE.fullmatch(name):
             which = int(found[1] is not None)
             number, row, column = map(int, found.groups()[1:])

@@ -92,8 +92,15 @@ class RelightablePainting:
             "origin": [0.0, 0.0],
             "eye": eye_of(FRONTAL),
             "colours": colours_of(None, 3),
-            "effects": [],
         }
+
+    def effects(self) -> list[dict[str, str]]:
+        """None: what it holds cannot be taken apart."""
+        return []
+
+    def known(self, scale: Scale, part: Window) -> bool:
+        """True: every pixel has its codes."""
+        return True
 
     def tile(self, scale: Scale, part: Window) -> bytes:
         """A part as the page reads it."""

@@ -6,6 +6,7 @@ normals has widened (:func:`impasto.lighting.reduced`), as in the stores of jobs
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,7 +21,7 @@ from impasto.fit.stored import StoredSbrdf
 from impasto.lighting import reduced
 from impasto.rig import PointView
 from impasto.surface import Lobe, Surface
-from impasto.viewer.layout import middle_of
+from impasto.viewer.layout import QUALITY, middle_of
 
 SIDE = 256
 """Rows and columns of a tile."""
@@ -171,10 +172,13 @@ class ScalesInMemory:
 class ScalesOfStore:
     """Of a result in a store, read by windows.
 
+    Scales that are smaller than the smallest of the store are made of that when one of them is
+    asked for first, until a tile holds the whole painting.
+
     Parameters
     ----------
     stored
-        What :func:`impasto.open_sbrdf` returns, with smaller scales.
+        What :func:`impasto.open_sbrdf` returns.
     bands
         Numbers of the bands that are shown; None: all.
 
@@ -192,8 +196,15 @@ class ScalesOfStore:
                 "impasto job run makes stores that do"
             )
         self._stored, self._bands = stored, bands
+        self.quality = tuple(name for name in QUALITY if name in stored.map_names)
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
+        self._last = factor = max(shapes)
+        while max(shapes[factor]) > SIDE and min(shapes[factor]) > 1:
+            rows, columns = shapes[factor]
+            factor *= 2
+            shapes[factor] = rows // 2, columns // 2
         self._scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
+        self._lock = threading.Lock()
 
     @property
     def scales(self) -> tuple[Scale, ...]:
@@ -203,24 +214,56 @@ class ScalesOfStore:
     @cached_property
     def template(self) -> Surface:
         """The first pixel."""
-        return self.part(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+        return self._read(self.scales[0], (slice(0, 1), slice(0, 1))).surface
 
     def part(self, scale: Scale, window: Window) -> Part:
         """See :class:`Scales`."""
+        if scale.factor <= self._last:
+            return self._read(scale, window)
+        with self._lock:
+            smaller = self._smallest
+        return smaller.part(Scale(scale.factor // self._last, scale.shape), window)
+
+    def _read(self, scale: Scale, window: Window) -> Part:
         one: Any
         if scale.factor == 1:
             one = self._stored.visible(*window)
-            return Part(self._shown(one), one.status)
-        one = self._stored.level_part(scale.factor, *window)
-        if scale.factor > READ:
-            return Part(self._shown(one))
-        rows, columns = (slice(scale.factor * p.start, scale.factor * p.stop) for p in window)
-        status = self._stored.map("status", rows, columns)
-        return Part(self._shown(one), middle_of(status, scale.factor))
+            status = one.status
+        else:
+            one = self._stored.level_part(scale.factor, *window)
+            if scale.factor > READ:
+                return Part(self._shown(one), quality=self._unknown(window))
+            status = self._sampled("status", scale.factor, window)
+        quality = {name: self._sampled(name, scale.factor, window) for name in self.quality}
+        return Part(self._shown(one), status, quality=quality)
+
+    def _sampled(self, name: str, factor: int, window: Window) -> NDArray[Any]:
+        """Of every group of pixels the one in its middle."""
+        rows, columns = (slice(factor * one.start, factor * one.stop) for one in window)
+        return middle_of(self._stored.map(name, rows, columns), factor)
+
+    def _unknown(self, window: Window) -> dict[str, NDArray[np.float32]]:
+        """In place of what is not read at a small scale."""
+        size = tuple(one.stop - one.start for one in window)
+        return {name: np.full(size, np.nan, np.float32) for name in self.quality}
+
+    @cached_property
+    def _smallest(self) -> ScalesInMemory:
+        """The smallest scale of the store, and those that are made of it."""
+        one = self._read(self._scales[self._number], _all(self._scales[self._number].shape))
+        return ScalesInMemory(one.surface, one.status, quality=one.quality)
+
+    @property
+    def _number(self) -> int:
+        return next(n for n, scale in enumerate(self._scales) if scale.factor == self._last)
 
     def _shown(self, one: Any) -> Surface:
         found: Surface = (one if self._bands is None else one.with_bands(self._bands)).surface()
         return replace(found, height=None)
+
+
+def _all(shape: tuple[int, int]) -> Window:
+    return slice(0, shape[0]), slice(0, shape[1])
 
 
 def _halved(plane: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -18,8 +18,8 @@ from impasto.viewer.contents import AGAINST, Contents, Shown
 
 MARK = b"window.impasto = "
 """How the document of a site begins."""
-OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs"}
-OWN |= {AGAINST.rstrip("/")}
+OWN = {"index.html", "style.css", "viewer.js", "document.js", "effects.js"}
+OWN |= {"tiles", "photographs", AGAINST.rstrip("/")}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.waiting import floats
 from impasto._internal.windows import Window
+from impasto.effects import Decisions
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
@@ -37,8 +40,8 @@ class SurfacePainting:
     ----------
     maps
         Parts of it at all scales.
-    effects
-        What a plan decides about the first picture.
+    planned
+        Makes the plan of the first picture; None: none is made.
     eye
         From where pictures show it.
     pitch_mm
@@ -56,7 +59,7 @@ class SurfacePainting:
     """
 
     maps: Scales
-    effects: list[dict[str, str]]
+    planned: Callable[[], Decisions] | None
     eye: Any
     pitch_mm: float | None
     origin: list[float]
@@ -99,8 +102,20 @@ class SurfacePainting:
             "origin": self.origin,
             "eye": eye_of(self.eye),
             "colours": colours_of(self.reflectance, count),
-            "effects": self.effects,
         }
+
+    def effects(self) -> list[dict[str, str]]:
+        """What a plan decides about the first picture, and why."""
+        if self.planned is None:
+            return []
+        return [
+            {"name": one.name, "decision": one.decision, "reason": one.reason}
+            for one in self.planned().effects
+        ]
+
+    def known(self, scale: Scale, part: Window) -> bool:
+        """Whether any pixel of a part has a normal."""
+        return bool(np.isfinite(self.maps.part(scale, part).surface.normal).all(axis=0).any())
 
     def tile(self, scale: Scale, part: Window) -> bytes:
         """A part as the page reads it."""
@@ -113,16 +128,16 @@ def painting_of_store(stored: StoredSbrdf, threads: int | None) -> SurfacePainti
     count = len(stored.bands)
     chosen = None if count in {1, 3} else [count - 1, count // 2, 0]
     # Jobs keep the statistics that a plan needs; of another store every map would be read.
-    planned: Any = None
-    if stored.statistics() is not None and chosen is None:
-        planned = stored.plan(_first_scene(), threads=threads)
+    kept = stored.has_statistics and chosen is None
+    maps = ScalesOfStore(stored, chosen)
     return SurfacePainting(
-        maps=ScalesOfStore(stored, chosen),
-        effects=[] if planned is None else _effects(planned.effects),
+        maps=maps,
+        planned=partial(stored.plan, _first_scene(), threads=threads) if kept else None,
         eye=stored[:1, :1].eye(),
         pitch_mm=stored.pitch_mm,
         origin=[float(value) for value in stored.rig.origin],
         bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
+        quality=maps.quality,
     )
 
 
@@ -139,7 +154,6 @@ def painting_in_memory(
     scene = _first_scene()
     surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
     surface = replace(surface, height=_relief(surface, height, pitch, threads))
-    planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
     beneath: Any = None
     if spectra is not None:
         share = metallic(lit.surface())
@@ -148,7 +162,7 @@ def painting_in_memory(
     quality = {name: getattr(result, name) for name in QUALITY if hasattr(result, name)}
     return SurfacePainting(
         maps=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
-        effects=_effects(planned.effects),
+        planned=partial(plan, lit, scene, reflectance=spectra, fidelity="model", threads=threads),
         eye=lit.eye(),
         pitch_mm=surface.pitch_mm,
         origin=[float(value) for value in surface.origin],
@@ -178,7 +192,3 @@ def _relief(
 
 def _first_scene() -> Scene:
     return Scene([DistantLight(FIRST_LIGHT)])
-
-
-def _effects(effects: Any) -> list[dict[str, str]]:
-    return [{"name": one.name, "decision": one.decision, "reason": one.reason} for one in effects]

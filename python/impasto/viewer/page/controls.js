@@ -185,12 +185,22 @@ function effectSection(app, updates) {
     varnish = choice("Varnish", [{ name: "none", label: "As it is" }, ...coats.map(({ name, label }) => ({ name, label }))], name => app.set({ varnish: name }));
     updates.push(state => varnish.update(state.varnish));
   }
-  const rows = doc.effects.filter(one => one.decision !== "absent").map(one =>
+  const plan = h("div", {});
+  const made = section("Effects", false, ...switches, varnish ? h("h3", {}, "Varnish") : null, varnish?.element ?? null, plan);
+  // A plan of a large painting takes a second: it is made when somebody looks.
+  made.addEventListener("toggle", async () => {
+    const effects = await app.source.effects().catch(() => []);
+    if (effects.length) plan.replaceChildren(...planned(effects));
+  }, { once: true });
+  return made;
+}
+
+function planned(effects) {
+  const rows = effects.filter(one => one.decision !== "absent").map(one =>
     h("div", {}, h("dt", {}, one.name, h("span", { className: "tag" }, one.decision)), h("dd", {}, one.reason)));
-  const absent = doc.effects.filter(one => one.decision === "absent").map(one => one.name);
-  const plan = rows.length ? h("div", {}, h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
-    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : "") : null;
-  return section("Effects", false, ...switches, varnish ? h("h3", {}, "Varnish") : null, varnish?.element ?? null, plan);
+  const absent = effects.filter(one => one.decision === "absent").map(one => one.name);
+  return [h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
+    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : ""];
 }
 
 function viewSection(app, updates) {

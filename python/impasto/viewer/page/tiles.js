@@ -23,6 +23,7 @@ export function scriptSource(folder) {
   return {
     // `folder`: before the names of the tiles of another painting.
     tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
+    effects: () => load("effects").then(jsonOf),
     // An image from a file would not be readable by WebGL: a page from a disk has no origin.
     photograph: number => load(`photographs/${number}`).then(pictureOf),
   };
@@ -33,6 +34,8 @@ function bytesOf(data) {
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
   return bytes;
 }
+
+export const jsonOf = bytes => JSON.parse(new TextDecoder().decode(bytes));
 
 // The codes of a PNG as they are.
 export const pictureOf = bytes =>

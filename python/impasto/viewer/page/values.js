@@ -26,15 +26,18 @@ export function pixelValues(doc, buffer, size, column, row) {
   return { status, shown, normal, ...anglesOf(normal), diffuse, lobes, height: doc.relief ? read("height") : null, quality: Object.fromEntries(doc.quality.map(name => [name, read(name)])) };
 }
 
-// The 1st and 99th percentile of what layers show on ramps, and the statuses that there are, of a tile.
+// The 1st and 99th percentile of what layers show on ramps, the statuses that there are, and whether anything is known,
+// of a tile.
 export function rangesOf(doc, buffer, size) {
   const found = { width: [], strength: [], height: [] }, statuses = new Set(), ranges = {};
-  if (doc.basis) return { ranges, statuses: [] };
+  if (doc.basis) return { ranges, statuses: [], known: true };
+  let known = false;
   const step = Math.max(1, Math.floor(size.width * size.height / 4000));
   for (let texel = 0; texel < size.width * size.height; texel += step) {
     const one = pixelValues(doc, buffer, size, texel % size.width, Math.floor(texel / size.width));
     if (one.status) statuses.add(Number(Object.keys(doc.statuses).find(code => doc.statuses[code] === one.status)));
     if (!one.shown) continue;
+    known = true;
     if (doc.relief) found.height.push(one.height);
     const luminance = doc.colours.illuminants[0].diffuse[1];
     let most = 0, best = null;
@@ -54,7 +57,7 @@ export function rangesOf(doc, buffer, size) {
     const [low, high] = [0.01, 0.99].map(share => values[Math.floor(share * (values.length - 1))]);
     ranges[name] = high - low > 1e-3 ? [low, high] : [low - 0.5, high + 0.5];
   }
-  return { ranges, statuses: [...statuses].sort((a, b) => a - b) };
+  return { ranges, statuses: [...statuses].sort((a, b) => a - b), known };
 }
 
 export const spectrumOf = (colours, coefficients) =>

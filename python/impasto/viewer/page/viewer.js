@@ -42,9 +42,12 @@ export class Viewer extends Geometry {
     const buffer = await this.tiles.get(name);
     this.started = true;
     if (buffer) {
-      const { ranges, statuses } = rangesOf(this.doc, buffer, this.sizeOf(name));
+      const { ranges, statuses, known } = rangesOf(this.doc, buffer, this.sizeOf(name));
       Object.assign(this.renderer.ranges, ranges);
       this.statuses = statuses;
+      this.unknown = !known;
+      const why = statuses.map(code => this.doc.statuses[code].reason);
+      if (this.unknown) this.wait.textContent = `No pixel of this painting has an estimate${why.length ? `: ${why.join("; ")}` : ""}. There is no picture to light; the layer of statuses shows where which holds.`;
     }
     this.showNotes(this.notes, true);
     this.reached();
@@ -223,7 +226,7 @@ export class Viewer extends Geometry {
       for (const gone of other.trim(new Set([...names, ...here]))) this.otherTiles.forget(gone);
     }
     for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
-    if (names.length) this.wait.hidden = true;
+    if (names.length) this.wait.hidden = !this.unknown || this.state.layer === "status";
     if (names.length) this.host.shown(there.length === here.length && (!other || here.every(name => other.has(name))));
     this.drawOver();
   }
