@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from impasto._internal.checks import length_mm
 from impasto._internal.windows import Window
+from impasto.bands import Camera
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.rti import RelightableImage
@@ -38,6 +39,7 @@ class ContentsOptions(TypedDict, total=False):
     """Options of :class:`Contents`."""
 
     reflectance: Any
+    camera: Any
     stack: Any
     shown: Any
     against: Any
@@ -99,6 +101,9 @@ class Contents:
     reflectance
         Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
         default: the spectra of a simulated painting, otherwise none.
+    camera
+        :class:`impasto.Camera` of the photographs: where there is no reflectance it is estimated;
+        of a store, for the tiles that are looked at. Also of ``against``.
     stack
         Photographs to compare with, of a result without spectra in one or three bands.
     shown
@@ -132,6 +137,7 @@ class Contents:
         result: Shown,
         *,
         reflectance: Any = None,
+        camera: Camera | None = None,
         stack: Any = None,
         shown: Any = None,
         against: Shown | None = None,
@@ -143,11 +149,11 @@ class Contents:
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-        painting = _painting(result, reflectance, height, pitch, threads)
+        painting = _painting(result, reflectance, camera, height, pitch, threads)
         other = (
             None
             if against is None
-            else _painting(against, against_reflectance, None, pitch, threads)
+            else _painting(against, against_reflectance, camera, None, pitch, threads)
         )
         self._paintings = [painting] if other is None else [painting, other]
         self._scales = painting.scales if other is None else _common(painting, other)
@@ -247,22 +253,22 @@ class Contents:
 
 
 def _painting(
-    result: Any, reflectance: Any, height: ArrayLike | None, pitch: float | None,
-    threads: int | None,
+    result: Any, reflectance: Any, camera: Camera | None, height: ArrayLike | None,
+    pitch: float | None, threads: int | None,
 ) -> Painting:  # fmt: skip
     """What the page shows of any kind of result."""
     if isinstance(result, StoredSbrdf):
-        what, words = "store", "a store has no spectra; load the result instead"
+        what, words = "store", "is not read beside a store; give the camera"
     elif isinstance(result, RelightableImage):
         what, words = "relightable image", "a relightable image has no spectra"
     else:
-        return painting_in_memory(result, reflectance, height, pitch, threads)
+        return painting_in_memory(result, reflectance, camera, height, pitch, threads)
     if reflectance is not None:
         raise ArgumentError(f"reflectance: {words}")
     if height is not None:
         raise ArgumentError(f"height: a {what} is shown without")
     if isinstance(result, StoredSbrdf):
-        return painting_of_store(result, threads)
+        return painting_of_store(result, camera, threads)
     return RelightablePainting(result)
 
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
+from impasto.fit.reflectance import ReflectanceEstimator
 from impasto.fit.stored import StoredSbrdf
-from impasto.lighting import reduced
+from impasto.lighting import coloured, metallic, reduced
 from impasto.rig import PointView
 from impasto.surface import Lobe, Surface
 from impasto.viewer.layout import QUALITY, middle_of
@@ -181,6 +182,8 @@ class ScalesOfStore:
         What :func:`impasto.open_sbrdf` returns.
     bands
         Numbers of the bands that are shown; None: all.
+    spectra
+        Makes spectra of the bands; None: bands are shown.
 
     Raises
     ------
@@ -188,14 +191,19 @@ class ScalesOfStore:
         A large store without smaller scales.
     """
 
-    def __init__(self, stored: StoredSbrdf, bands: list[int] | None) -> None:
+    def __init__(
+        self,
+        stored: StoredSbrdf,
+        bands: list[int] | None,
+        spectra: ReflectanceEstimator | None = None,
+    ) -> None:
         rows, columns = stored.shape
         if not stored.factors and rows * columns > LOADED:
             raise ArgumentError(
                 f"result: {stored.path} holds {columns} x {rows} pixels and no smaller scales; "
                 "impasto job run makes stores that do"
             )
-        self._stored, self._bands = stored, bands
+        self._stored, self._bands, self._spectra = stored, bands, spectra
         self.quality = tuple(name for name in QUALITY if name in stored.map_names)
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
         self._last = factor = max(shapes)
@@ -232,10 +240,12 @@ class ScalesOfStore:
         else:
             one = self._stored.level_part(scale.factor, *window)
             if scale.factor > READ:
-                return Part(self._shown(one), quality=self._unknown(window))
+                surface, beneath = self._shown(one)
+                return Part(surface, None, beneath, self._unknown(window))
             status = self._sampled("status", scale.factor, window)
         quality = {name: self._sampled(name, scale.factor, window) for name in self.quality}
-        return Part(self._shown(one), status, quality=quality)
+        surface, beneath = self._shown(one)
+        return Part(surface, status, beneath, quality)
 
     def _sampled(self, name: str, factor: int, window: Window) -> NDArray[Any]:
         """Of every group of pixels the one in its middle."""
@@ -251,15 +261,21 @@ class ScalesOfStore:
     def _smallest(self) -> ScalesInMemory:
         """The smallest scale of the store, and those that are made of it."""
         one = self._read(self._scales[self._number], _all(self._scales[self._number].shape))
-        return ScalesInMemory(one.surface, one.status, quality=one.quality)
+        return ScalesInMemory(one.surface, one.status, one.beneath, one.quality)
 
     @property
     def _number(self) -> int:
         return next(n for n, scale in enumerate(self._scales) if scale.factor == self._last)
 
-    def _shown(self, one: Any) -> Surface:
-        found: Surface = (one if self._bands is None else one.with_bands(self._bands)).surface()
-        return replace(found, height=None)
+    def _shown(self, one: Any) -> tuple[Surface, NDArray[np.float32] | None]:
+        """A part as it is lit, and what lies beneath a varnish."""
+        if self._spectra is None:
+            bands = one if self._bands is None else one.with_bands(self._bands)
+            return replace(bands.surface(), height=None), None
+        lit = one.surface()
+        share = metallic(lit)
+        found = coloured(lit, "store", self._spectra.apply(one.diffuse, threads=1), None)
+        return replace(found, height=None), np.broadcast_to(np.float32(share), lit.shape)
 
 
 def _all(shape: tuple[int, int]) -> Window:

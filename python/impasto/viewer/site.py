@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.printable import printable
+from impasto.bands import Camera
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -52,6 +53,7 @@ def write_site(
     out: str | os.PathLike[str],
     *,
     reflectance: Any = None,
+    camera: Camera | None = None,
     stack: Any = None,
     shown: Any = None,
     against: Shown | None = None,
@@ -80,6 +82,9 @@ def write_site(
     reflectance
         Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
         default: the spectra of a simulated painting, otherwise none.
+    camera
+        :class:`impasto.Camera` of the photographs: where there is no reflectance it is estimated.
+        Also of ``against``.
     stack
         Photographs to compare with, of a result without spectra in one or three bands.
     shown
@@ -116,6 +121,7 @@ def write_site(
     contents = Contents(
         result,
         reflectance=reflectance,
+        camera=camera,
         stack=stack,
         shown=shown,
         against=against,

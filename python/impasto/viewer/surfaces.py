@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.waiting import floats
 from impasto._internal.windows import Window
+from impasto.bands import Camera
 from impasto.effects import Decisions
 from impasto.errors import ArgumentError
+from impasto.fit.reflectance import ReflectanceEstimator, fit_reflectance
 from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
 from impasto.lighting import metallic, prepare
@@ -123,13 +125,21 @@ class SurfacePainting:
         return self.layout.tile(found.surface, found.status, found.beneath, found.quality)
 
 
-def painting_of_store(stored: StoredSbrdf, threads: int | None) -> SurfacePainting:
-    """Of a store of any size: no map is read before a tile is asked for."""
+def painting_of_store(
+    stored: StoredSbrdf, camera: Camera | None, threads: int | None
+) -> SurfacePainting:
+    """Of a store of any size: no map is read before a tile is asked for.
+
+    ``camera``: of the photographs; spectra are estimated of the tiles that are looked at.
+    """
     count = len(stored.bands)
-    chosen = None if count in {1, 3} else [count - 1, count // 2, 0]
+    spectra = None if camera is None else ReflectanceEstimator(camera, stored.bands)
+    chosen = None
+    if spectra is None and count not in {1, 3}:
+        chosen = [count - 1, count // 2, 0]
     # Jobs keep the statistics that a plan needs; of another store every map would be read.
-    kept = stored.has_statistics and chosen is None
-    maps = ScalesOfStore(stored, chosen)
+    kept = stored.has_statistics and chosen is None and spectra is None
+    maps = ScalesOfStore(stored, chosen, spectra)
     return SurfacePainting(
         maps=maps,
         planned=partial(stored.plan, _first_scene(), threads=threads) if kept else None,
@@ -137,6 +147,8 @@ def painting_of_store(stored: StoredSbrdf, threads: int | None) -> SurfacePainti
         pitch_mm=stored.pitch_mm,
         origin=[float(value) for value in stored.rig.origin],
         bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
+        reflectance=spectra,
+        beneath=spectra is not None,
         quality=maps.quality,
     )
 
@@ -144,12 +156,16 @@ def painting_of_store(stored: StoredSbrdf, threads: int | None) -> SurfacePainti
 def painting_in_memory(
     result: Relightable,
     reflectance: Any,
+    camera: Camera | None,
     height: ArrayLike | None,
     pitch: float | None,
     threads: int | None,
 ) -> SurfacePainting:
     """Of a result that is loaded; arguments as of :class:`~impasto.viewer.Contents`."""
     spectra = result.spectra() if reflectance is None else reflectance
+    if spectra is None and camera is not None:
+        source: Any = result
+        spectra = fit_reflectance(None, source, camera, threads=threads)
     lit: Any = visible(result, spectra)
     scene = _first_scene()
     surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
