@@ -235,7 +235,7 @@ def test_what_cannot_stand_beside_is_refused(tmp_path: Path) -> None:
         Contents(painting(1), against=small)
     with pytest.raises(impasto.ArgumentError, match="relightable image has no spectra"):
         Contents(images()["ptm"], reflectance=object())
-    with pytest.raises(impasto.ArgumentError, match="relightable image is shown without"):
+    with pytest.raises(impasto.ArgumentError, match="that of a relightable image cannot"):
         Contents(images()["ptm"], height=np.zeros(SHAPE))
 
 

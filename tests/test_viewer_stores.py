@@ -137,6 +137,10 @@ def test_a_tile_reads_its_own_window_alone(store: Path, monkeypatch: pytest.Monk
     assert max((size for _, size in windows), default=0) <= 1, "before a tile is asked for"
     assert "statistics" not in whole
     windows.clear()
+    planes_of(contents, 0, 0, 0)
+    small = -(-ROWS // 2) * -(-COLUMNS // 2)
+    assert ("levels/2/normal", small) in windows, "for the relief, once"
+    windows.clear()
     planes_of(contents, 0, 1, 1)
     assert {size for _, size in windows} == {256 * 256}
     assert {"normal", "diffuse", "status", "sigma", "residual"} <= {name for name, _ in windows}
@@ -226,3 +230,100 @@ def test_a_painting_with_one_estimate_is_not_empty() -> None:
     diffuse = np.full((3, 20, 30), np.nan, np.float32)
     normal[:, 7, 9], diffuse[:, 7, 9] = (0.0, 0.0, 1.0), 0.5
     assert not Contents(Surface(normal, diffuse)).empty
+
+
+def test_a_store_has_the_spectra_of_its_camera(browser: chromium.Chromium, tmp_path: Path) -> None:
+    """Each tile as :func:`impasto.fit_reflectance` has it of the whole, lit as the renderer does.
+
+    Codes within one, as of a result in memory.
+    """
+    random = np.random.default_rng(5)
+    normal = np.zeros((3, 300, 270), np.float32)
+    normal[:2] = random.normal(0.0, 0.15, (2, 300, 270))
+    normal[2] = 1.0
+    normal /= np.linalg.norm(normal, axis=0)
+    diffuse = random.uniform(0.1, 0.7, (3, 300, 270)).astype(np.float32)
+    samples = Surface.torrance_sparrow(normal, diffuse, 2.0, 0.2).predict(LIGHTS)
+    stack = impasto.Stack(samples, lights=LIGHTS, bands=("red", "green", "blue"))
+    out = impasto.run(stack, tmp_path / "a.zarr", tile=160, pooling="painting", effort="draft")
+    camera = impasto.Camera.srgb()
+    whole = impasto.load_sbrdf(out)
+    spectra = impasto.fit_reflectance(None, whole, camera)
+    page = tmp_path / "page"
+    words = [str(out), "--out", str(page), "--camera", "srgb", "--quiet"]
+    assert main(["export", "web", *words]) == 0
+    browser.open((page / "index.html").as_uri())
+    lamp = impasto.DistantLight((0.0, 0.5**0.5, 0.5**0.5))
+    for state, options in (
+        ({"illuminant": "A", "adaptation": 0.56}, {"illuminant": "A", "adaptation": 0.56}),
+        ({"varnish": "yellowed"}, {"varnish": impasto.Varnish(yellowness=10.0)}),
+    ):
+        scene = impasto.Scene([lamp], **options)  # type: ignore[arg-type]
+        image = impasto.render(whole, scene, reflectance=spectra, fidelity="model")
+        codes = shown(browser, state)[..., :3].astype(int)
+        known = image.coverage > 0
+        assert image.display[known].std() > 5
+        assert np.abs(codes - image.display)[known].max() <= 1
+    assert browser.value("window.impasto.viewer.doc.colours.basis.length") == len(spectra.basis)
+
+
+def test_a_camera_must_be_that_of_the_store(
+    store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grid = np.arange(400.0, 701.0, 10.0)
+    six = impasto.Camera(grid, np.ones((6, len(grid))), "D65")
+    with pytest.raises(impasto.ArgumentError, match="3 bands of the photographs"):
+        Contents(impasto.open_sbrdf(store), camera=six)
+    with pytest.raises(impasto.ArgumentError, match="give the camera"):
+        Contents(impasto.open_sbrdf(store), reflectance=object())
+    assert main(["view", str(store), "--no-browser", "--illuminant", "A"]) == 2
+    assert "it needs --camera" in capsys.readouterr().err
+
+
+def test_what_is_no_result_is_named_with_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    normal = np.zeros((3, 20, 30), np.float32)
+    normal[2] = 1.0
+    write_site(Surface(normal, np.full((3, 20, 30), 0.5, np.float32)), tmp_path / "page")
+    photographs = tmp_path / "photographs"
+    photographs.mkdir()
+    (photographs / "lights.LP").write_text("0\n")
+    for folder, said in (
+        (tmp_path / "page", "is a page already: open"),
+        (photographs, "holds photographs: impasto fit"),
+        (tmp_path, "has no sbrdf.npz"),
+    ):
+        assert main(["view", str(folder), "--no-browser"]) == 1
+        assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_store_has_the_relief_of_a_small_scale(tmp_path: Path) -> None:
+    """A dome of known height on 600 x 640 pixels, integrated at half the scale.
+
+    h = 2 mm cos^2 of the distance, down to 0 at 25 mm: curvature at most h pi^2 / (2 * 25^2) =
+    0.016 / mm. Linear interpolation over pixels of 0.2 mm misses 0.2^2 / 8 of it, 8e-5 mm; slopes
+    of single-precision normals and the level leave more. One hundredth of the height is asked for.
+    """
+    rows, columns, pitch = 600, 640, 0.1
+    y, x = np.mgrid[:rows, :columns].astype(float)
+    x, y = (x - 319.5) * pitch, (299.5 - y) * pitch
+    r = np.maximum(np.hypot(x, y), 1e-9)
+    height = np.where(r < 25.0, 2.0 * np.cos(np.pi * r / 50.0) ** 2, 0.0)
+    slope = np.where(r < 25.0, -2.0 * np.sin(np.pi * r / 25.0) * np.pi / 50.0, 0.0)
+    normal = np.stack([-slope * x / r, -slope * y / r, np.ones_like(r)])
+    normal = (normal / np.linalg.norm(normal, axis=0)).astype(np.float32)
+    surface = Surface(normal, np.full((3, rows, columns), 0.5, np.float32))
+    stack = impasto.Stack(surface.predict(LIGHTS), lights=impasto.Rig(LIGHTS, pitch_mm=pitch))
+    out = impasto.run(stack, tmp_path / "a.zarr", tile=320, pooling="none")
+    contents = Contents(impasto.open_sbrdf(out))
+    assert contents.document["relief"] is True
+    for number, row, column in ((0, 1, 1), (0, 0, 2), (1, 0, 0), (2, 0, 0)):
+        factor, side = contents.document["scales"][number]["factor"], 256
+        found = planes_of(contents, number, row, column)["height"].astype(float)
+        top, left = row * side * factor, column * side * factor
+        part = height[top : top + factor * found.shape[0], left : left + factor * found.shape[1]]
+        sizes = found.shape[0], factor, found.shape[1], factor
+        expected = part.reshape(sizes).mean(axis=(1, 3)) - height.mean()
+        # Half precision of 2 mm is 1e-3.
+        assert np.abs(found - expected).max() < 0.02, (number, row, column)

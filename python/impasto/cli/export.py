@@ -176,6 +176,8 @@ def web(
     photographs: Path | None = None,
     encoding: str | None = None,
     against: Path | None = None,
+    camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
+    illuminant: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
     threads: SomeWhole = None,
@@ -194,6 +196,11 @@ def web(
     against
         Another painting of the same size, to be shown beside it in the same lamp: another result
         (before and after), or what RTI tools made of it, as RESULT.
+    camera
+        CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
+        .zarr, and with them the colour of the light, adaptation and varnish.
+    illuminant
+        Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     title
         Above the page; default: the name of the result.
     pitch
@@ -204,6 +211,7 @@ def web(
         No progress, only errors.
     """
     from impasto.cli.maps import (
+        camera_for_page,
         name_of,
         painting_beside,
         photographs_beside,
@@ -219,12 +227,14 @@ def web(
     painting, reflectance = shown_result(result)
     say_notes(painting, stages)
     other = painting_beside(against, stages)
+    lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.warned(), stages.stage("web page") as stage:
         site = write_site(
             painting,
             out,
             reflectance=reflectance,
+            camera=lens,
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,

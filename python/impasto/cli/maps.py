@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cyclopts import CycloptsError
 from numpy.typing import NDArray
 from rich.markup import escape
 
@@ -21,6 +22,21 @@ from impasto.io import write_exr, write_png8, write_png16, write_tiff16
 from impasto.io.results import RESULT, result_file
 
 SPECTRA = "reflectance.npz"
+SESSION = "session.toml"
+PHOTOGRAPHS = {
+    ".lp",
+    ".dome",
+    ".jpg",
+    ".jpeg",
+    ".png",
+    ".tif",
+    ".tiff",
+    ".exr",
+    ".dng",
+    ".nef",
+    ".cr2",
+}
+"""Ends of names by which a folder is taken for one of photographs."""
 
 
 def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
@@ -124,6 +140,8 @@ def shown_result(folder: Path) -> tuple[Any, Any]:
     path = result_file(folder)
     if is_relightable(folder) and (path == folder or not path.exists()):
         return read_relightable(folder), None
+    if not path.exists() and (words := _instead(folder)):
+        raise ArgumentError(f"{printable(str(folder))} {words}")
     return (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(folder)
 
 
@@ -131,6 +149,25 @@ def say_notes(painting: Any, stages: Stages) -> None:
     """What is odd about a relightable image of another program."""
     for note in getattr(painting, "notes", ()):
         stages.say(f"  {'':14}[dim]{escape(note)}[/]")
+
+
+def camera_for_page(camera: str | None, illuminant: str | None) -> Any:
+    """The camera of a page's spectra, or None.
+
+    Raises
+    ------
+    CycloptsError
+        A light without a camera.
+    """
+    from impasto.cli.fit import camera_of
+
+    if camera is not None:
+        return camera_of(camera, illuminant)
+    if illuminant is not None:
+        raise CycloptsError(
+            msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
+        )
+    return None
 
 
 def say_empty(contents: Any, result: Path, stages: Stages) -> None:
@@ -157,6 +194,20 @@ def painting_beside(path: Path | None, stages: Stages) -> dict[str, Any]:
             stage.note = f"{painting.format}, {columns} x {rows} pixels"
             say_notes(painting, stages)
     return {"against": painting, "against_reflectance": reflectance, "against_title": title}
+
+
+def _instead(folder: Path) -> str:
+    """What a folder that is no result is, and what to do with it."""
+    if not folder.is_dir():
+        return ""
+    if (folder / "document.js").is_file():
+        page = printable(str(folder / "index.html"))
+        return f"is a page already: open {page} in a browser"
+    names = [Path(one.name) for one in folder.iterdir()]
+    if any(one.name == SESSION or one.suffix.lower() in PHOTOGRAPHS for one in names):
+        own = printable(str(folder))
+        return f"holds photographs: impasto fit {own} --out RESULT makes a result of them"
+    return ""
 
 
 def photographs_beside(path: Path | None, encoding: str | None, stages: Stages) -> Any:

@@ -20,6 +20,8 @@ def view(
     photographs: Path | None = None,
     encoding: str | None = None,
     against: Path | None = None,
+    camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
+    illuminant: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
     port: int = 0,
@@ -45,6 +47,11 @@ def view(
     against
         Another painting of the same size, to be shown beside it in the same lamp: another result
         (before and after), or what RTI tools made of it, as RESULT.
+    camera
+        CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
+        .zarr, and with them the colour of the light, adaptation and varnish.
+    illuminant
+        Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     title
         Above the page; default: the name of the result.
     pitch
@@ -57,6 +64,7 @@ def view(
         Default: every core.
     """
     from impasto.cli.maps import (
+        camera_for_page,
         name_of,
         painting_beside,
         photographs_beside,
@@ -77,11 +85,13 @@ def view(
         stage.note = f"{columns} x {rows} pixels"
     say_notes(painting, stages)
     other = painting_beside(against, stages)
+    lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.stage("page") as stage:
         contents = Contents(
             painting,
             reflectance=reflectance,
+            camera=lens,
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,

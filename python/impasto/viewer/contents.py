@@ -121,7 +121,8 @@ class Contents:
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
-        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+        surface, otherwise the normals, integrated about the plane of the panel. Of a store they
+        are those of a small scale.
     threads
         None means every allowed core.
 
@@ -266,7 +267,7 @@ def _painting(
     if reflectance is not None:
         raise ArgumentError(f"reflectance: {words}")
     if height is not None:
-        raise ArgumentError(f"height: a {what} is shown without")
+        raise ArgumentError(f"height: that of a {what} cannot be given")
     if isinstance(result, StoredSbrdf):
         return painting_of_store(result, camera, threads)
     return RelightablePainting(result)

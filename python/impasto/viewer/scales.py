@@ -19,6 +19,7 @@ from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import ReflectanceEstimator
 from impasto.fit.stored import StoredSbrdf
+from impasto.height import integrate_normals
 from impasto.lighting import coloured, metallic, reduced
 from impasto.rig import PointView
 from impasto.surface import Lobe, Surface
@@ -30,6 +31,10 @@ READ = 8
 """Largest factor at which the status of a store is read: each tile of it reads so many squared."""
 LOADED = 2**24
 """Most pixels of a store without smaller scales."""
+RELIEF = 2**18
+"""Most pixels of the scale of a store whose normals are integrated: a fifth of a second."""
+FEWEST = 100
+"""Normals of which heights are made: a plane through fewer is none."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +179,8 @@ class ScalesOfStore:
     """Of a result in a store, read by windows.
 
     Scales that are smaller than the smallest of the store are made of that when one of them is
-    asked for first, until a tile holds the whole painting.
+    asked for first, until a tile holds the whole painting. Heights are those of one scale, whose
+    normals are integrated; between its pixels they are interpolated.
 
     Parameters
     ----------
@@ -212,7 +218,9 @@ class ScalesOfStore:
             factor *= 2
             shapes[factor] = rows // 2, columns // 2
         self._scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+        small = [one for one in self._scales if one.shape[0] * one.shape[1] <= RELIEF]
+        self.relieved = small[0] if small else self._scales[-1]
 
     @property
     def scales(self) -> tuple[Scale, ...]:
@@ -221,16 +229,41 @@ class ScalesOfStore:
 
     @cached_property
     def template(self) -> Surface:
-        """The first pixel."""
-        return self._read(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+        """The first pixel; its height is not known yet."""
+        surface = self._read(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+        return replace(surface, height=np.zeros(surface.shape, np.float32))
 
     def part(self, scale: Scale, window: Window) -> Part:
         """See :class:`Scales`."""
+        found = self._without_height(scale, window)
+        with self._lock:
+            heights = self._heights
+        share = scale.factor / self.relieved.factor
+        height = resampled(heights, window, share)
+        return replace(found, surface=replace(found.surface, height=height))
+
+    def _without_height(self, scale: Scale, window: Window) -> Part:
         if scale.factor <= self._last:
             return self._read(scale, window)
         with self._lock:
             smaller = self._smallest
         return smaller.part(Scale(scale.factor // self._last, scale.shape), window)
+
+    @cached_property
+    def _heights(self) -> NDArray[np.float32]:
+        """Of one scale in mm, about the plane of the panel; in pixels without their width."""
+        scale = self.relieved
+        whole = _all(scale.shape)
+        if scale.factor == 1:
+            normal = self._stored.map("normal", *whole)
+        elif scale.factor <= self._last:
+            normal = self._stored.level_part(scale.factor, *whole).normal
+        else:
+            normal = self._without_height(scale, whole).surface.normal
+        if int((normal[2] > 0).sum()) < FEWEST:
+            return np.zeros(scale.shape, np.float32)
+        width = (self._stored.pitch_mm or 1.0) * scale.factor
+        return integrate_normals(normal, width, level=True)
 
     def _read(self, scale: Scale, window: Window) -> Part:
         one: Any
@@ -276,6 +309,19 @@ class ScalesOfStore:
         share = metallic(lit)
         found = coloured(lit, "store", self._spectra.apply(one.diffuse, threads=1), None)
         return replace(found, height=None), np.broadcast_to(np.float32(share), lit.shape)
+
+
+def resampled(plane: NDArray[np.float32], window: Window, share: float) -> NDArray[np.float32]:
+    """A window of a scale whose pixels are so many of a plane wide, linear between its pixels."""
+    found = plane
+    for axis, part in enumerate(window):
+        places = (np.arange(part.start, part.stop) + 0.5) * share - 0.5
+        places = np.clip(places, 0.0, found.shape[axis] - 1.0)
+        low = places.astype(np.intp)
+        high = np.minimum(low + 1, found.shape[axis] - 1)
+        weight = np.moveaxis((places - low).astype(np.float32).reshape(-1, 1), 0, axis)
+        found = (1 - weight) * np.take(found, low, axis) + weight * np.take(found, high, axis)
+    return np.asarray(found, np.float32)
 
 
 def _all(shape: tuple[int, int]) -> Window:

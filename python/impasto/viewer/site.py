@@ -100,7 +100,8 @@ def write_site(
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
-        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+        surface, otherwise the normals, integrated about the plane of the panel. Of a store they
+        are those of a small scale.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)`` in files.
 

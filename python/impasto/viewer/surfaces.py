@@ -26,12 +26,10 @@ from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
 from impasto.viewer.layout import QUALITY, Layout
-from impasto.viewer.scales import Scale, Scales, ScalesInMemory, ScalesOfStore, eye_of
+from impasto.viewer.scales import FEWEST, Scale, Scales, ScalesInMemory, ScalesOfStore, eye_of
 
 FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
-FEWEST = 100
-"""Normals of which heights are made: a plane through fewer is none."""
 
 
 @dataclass(frozen=True, eq=False)
