@@ -68,7 +68,8 @@ export class Viewer extends Geometry {
     this.buttons = TOOLS.map(([name, label, key, title]) => h("button", { type: "button", title: `${title} (${key})`, "aria-pressed": "false", onclick: () => this.choose(name) }, label));
     this.readout = h("output", { className: "readout", "aria-live": "polite" });
     this.scaleBar = h("div", { className: "scale", hidden: !doc.pitch });
-    this.divider = h("div", { className: "divider", role: "slider", tabIndex: 0, hidden: true, "aria-label": "Line between picture and photograph", "aria-valuemin": 0, "aria-valuemax": 100 }, h("span"));
+    this.sides = ["left", "right"].map(side => h("b", { className: side, "aria-hidden": "true" }));
+    this.divider = h("div", { className: "divider", role: "slider", tabIndex: 0, hidden: true, "aria-label": "Line between picture and photograph", "aria-valuemin": 0, "aria-valuemax": 100 }, h("span"), ...this.sides);
     this.wait = h("p", { className: "wait", role: "status" }, "Loading");
     this.stage = h("div", { className: "stage" }, this.canvas, this.over, this.divider, this.wait,
       h("header", {}, h("h1", {}, title), h("div", { className: "row tools", role: "toolbar", "aria-label": "What dragging does" }, ...this.buttons),
@@ -234,7 +235,7 @@ export class Viewer extends Geometry {
   // --- what lies over the painting
 
   drawOver() {
-    const ratio = this.canvas.width / this.canvas.clientWidth || 1;
+    const { doc } = this, ratio = this.canvas.width / this.canvas.clientWidth || 1;
     const onPage = place => this.toCanvas(place).map(value => value / ratio);
     const polygon = ([x, y, w, hh], attributes) => svg("polygon", { points: [[x, y], [x + w, y], [x + w, y + hh], [x, y + hh]].map(onPage).join(" "), ...attributes });
     this.over.replaceChildren();
@@ -248,6 +249,9 @@ export class Viewer extends Geometry {
       for (const name of ["halo", "cross"]) this.over.append(svg("path", { d: `M${x - 11} ${y}h7m8 0h7M${x} ${y - 11}v7m0 8v7`, class: name }));
     }
     this.divider.hidden = !this.beside && (this.state.photograph < 0 || this.state.layer !== "picture");
+    const [left, right] = this.sides, photograph = doc.photographs[this.state.photograph];
+    left.textContent = doc.title || "The picture";
+    right.textContent = this.state.layer === "picture" && this.state.compare === "difference" ? "Difference" : photograph ? `Photograph no. ${photograph.number + 1}` : doc.against?.title || "The other painting";
     this.divider.style.left = `${100 * this.state.split}%`;
     this.divider.setAttribute("aria-valuenow", Math.round(100 * this.state.split));
     this.drawScale(ratio);
