@@ -210,9 +210,9 @@ def web(
     quiet
         No progress, only errors.
     """
-    from impasto.cli.maps import (
+    from impasto.cli.maps import name_of
+    from impasto.cli.page import (
         camera_for_page,
-        name_of,
         painting_beside,
         photographs_beside,
         say_notes,

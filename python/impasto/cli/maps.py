@@ -6,12 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cyclopts import CycloptsError
 from numpy.typing import NDArray
-from rich.markup import escape
 
-from impasto._internal.printable import printable
-from impasto.cli.console import Stages
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.lafortune import LafortuneSbrdf
@@ -22,21 +18,6 @@ from impasto.io import write_exr, write_png8, write_png16, write_tiff16
 from impasto.io.results import RESULT, result_file
 
 SPECTRA = "reflectance.npz"
-SESSION = "session.toml"
-PHOTOGRAPHS = {
-    ".lp",
-    ".dome",
-    ".jpg",
-    ".jpeg",
-    ".png",
-    ".tif",
-    ".tiff",
-    ".exr",
-    ".dng",
-    ".nef",
-    ".cr2",
-}
-"""Ends of names by which a folder is taken for one of photographs."""
 
 
 def write_maps(folder: Path, sbrdf: Any, reflectance: Any = None) -> None:
@@ -119,108 +100,6 @@ def load_result(folder: Path) -> tuple[Any, Any]:
         check_listed([path] if spectra is None else [path, spectra])
     reflectance = None if spectra is None else impasto.Reflectance.load(spectra)
     return impasto.load_sbrdf(path), reflectance
-
-
-def shown_result(folder: Path) -> tuple[Any, Any]:
-    """The same for the viewer, which opens a store and reads what is seen of it.
-
-    It also shows the relightable images of other programs: a ``.ptm``, an ``.rti`` or a folder of
-    relight.
-
-    Raises
-    ------
-    ArgumentError
-        There is no result.
-    CorruptInputError
-        The result is damaged, or of two runs.
-    """
-    import impasto
-    from impasto.io.rti import is_relightable, read_relightable
-
-    path = result_file(folder)
-    if is_relightable(folder) and (path == folder or not path.exists()):
-        return read_relightable(folder), None
-    if not path.exists() and (words := _instead(folder)):
-        raise ArgumentError(f"{printable(str(folder))} {words}")
-    return (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(folder)
-
-
-def say_notes(painting: Any, stages: Stages) -> None:
-    """What is odd about a relightable image of another program."""
-    for note in getattr(painting, "notes", ()):
-        stages.say(f"  {'':14}[dim]{escape(note)}[/]")
-
-
-def camera_for_page(camera: str | None, illuminant: str | None) -> Any:
-    """The camera of a page's spectra, or None.
-
-    Raises
-    ------
-    CycloptsError
-        A light without a camera.
-    """
-    from impasto.cli.fit import camera_of
-
-    if camera is not None:
-        return camera_of(camera, illuminant)
-    if illuminant is not None:
-        raise CycloptsError(
-            msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
-        )
-    return None
-
-
-def say_empty(contents: Any, result: Path, stages: Stages) -> None:
-    """That a page shows nothing, and who knows why."""
-    if contents.empty:
-        stages.say(
-            f"  {'':14}[bold]no pixel of it has an estimate[/]: the page is empty; impasto info "
-            f"{escape(printable(str(result)))} says why"
-        )
-
-
-def painting_beside(path: Path | None, stages: Stages) -> dict[str, Any]:
-    """Another painting to compare with in the viewer, as options of its contents."""
-    from impasto.io.rti import RelightableImage
-
-    if path is None:
-        return {}
-    with stages.warned(), stages.stage("against") as stage:
-        painting, reflectance = shown_result(path)
-        rows, columns = painting.shape
-        title = stage.note = name_of(path)
-        if isinstance(painting, RelightableImage):
-            title = f"{title} ({painting.format})"
-            stage.note = f"{painting.format}, {columns} x {rows} pixels"
-            say_notes(painting, stages)
-    return {"against": painting, "against_reflectance": reflectance, "against_title": title}
-
-
-def _instead(folder: Path) -> str:
-    """What a folder that is no result is, and what to do with it."""
-    if not folder.is_dir():
-        return ""
-    if (folder / "document.js").is_file():
-        page = printable(str(folder / "index.html"))
-        return f"is a page already: open {page} in a browser"
-    names = [Path(one.name) for one in folder.iterdir()]
-    if any(one.name == SESSION or one.suffix.lower() in PHOTOGRAPHS for one in names):
-        own = printable(str(folder))
-        return f"holds photographs: impasto fit {own} --out RESULT makes a result of them"
-    return ""
-
-
-def photographs_beside(path: Path | None, encoding: str | None, stages: Stages) -> Any:
-    """Photographs to compare with a result in the viewer, or None."""
-    import impasto
-
-    if path is None:
-        return None
-    options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
-    with stages.warned(), stages.stage("photographs") as stage:
-        stack = impasto.read_stack(path, **options)
-        stage.note = f"{len(stack.rig)}"
-    return stack
 
 
 def result_files(folder: Path) -> list[Path]:

@@ -63,9 +63,9 @@ def view(
     threads
         Default: every core.
     """
-    from impasto.cli.maps import (
+    from impasto.cli.maps import name_of
+    from impasto.cli.page import (
         camera_for_page,
-        name_of,
         painting_beside,
         photographs_beside,
         say_empty,
