@@ -16,9 +16,9 @@ from impasto.errors import ArgumentError
 from impasto.io.results import result_file
 from impasto.io.session_toml.read import SESSION_FILE
 
-PHOTOGRAPHS = set(
-    [".lp", ".dome", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".dng", ".nef", ".cr2"]
-)
+PHOTOGRAPHS = {
+    ".lp", ".dome", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".dng", ".nef", ".cr2",
+}  # fmt: skip
 """Ends of names by which a folder is taken for one of photographs."""
 
 

@@ -26,7 +26,7 @@ from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
 from impasto.viewer.layout import QUALITY, Layout
-from impasto.viewer.scales import FEWEST, Scale, Scales, ScalesInMemory, ScalesOfStore, eye_of
+from impasto.viewer.scales import FEWEST, READ, Scale, Scales, ScalesInMemory, ScalesOfStore, eye_of
 
 FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 """Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
@@ -56,6 +56,8 @@ class SurfacePainting:
         Whether there is a map of the share of the gloss that a varnish leaves as it is.
     quality
         Which of :data:`~impasto.viewer.layout.QUALITY` there are.
+    read
+        Largest factor at which they and the status are read; None: at every one.
     """
 
     maps: Scales
@@ -67,6 +69,7 @@ class SurfacePainting:
     reflectance: Any = None
     beneath: bool = False
     quality: tuple[str, ...] = ()
+    read: int | None = None
 
     @property
     def scales(self) -> tuple[Scale, ...]:
@@ -96,6 +99,7 @@ class SurfacePainting:
             "ambient": template.ambient is not None,
             "beneath": self.beneath,
             "quality": list(self.quality),
+            "read": self.read,
             "relief": template.height is not None,
             "coefficients": count,
             "bands": self.bands,
@@ -148,6 +152,7 @@ def painting_of_store(
         reflectance=spectra,
         beneath=spectra is not None,
         quality=maps.quality,
+        read=READ,
     )
 
 

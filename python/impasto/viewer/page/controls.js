@@ -153,6 +153,8 @@ function legend(app) {
     if (state.layer in QUALITY) element.append(...bar(...QUALITY[state.layer].words));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
+    const { scales, read } = app.doc;
+    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted(0)].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
     if (state.layer === "status") {
       element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
         const swatch = h("span", { className: "swatch" });
