@@ -20,6 +20,7 @@ from impasto.cli import main
 from impasto.io import write_jpeg
 from impasto.matching import Experiment, analyse, stimuli
 from impasto.pictures import Panel, Picture, contact_sheet, fitted
+from impasto.viewer import write_site
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import chromium
@@ -28,6 +29,8 @@ import recipe_files
 import recipes
 
 HERE = Path(__file__).parent / "_static"
+HELD_OUT = 12
+"""The photograph that was held out, whose lamp the page has."""
 LARGEST = 300_000
 """Bytes: a picture of a page should not be larger."""
 SMALL = 40_000
@@ -149,6 +152,37 @@ def matched() -> None:
         save("matching", analyse(sorted(Path(folder).glob("*.jsonl"))).picture())
 
 
+def beside_relight() -> None:
+    """The page with the icon and what another program made of the same photographs."""
+    peer = icon.folder().with_name("peer_relight") / "rbf27"
+    if not peer.is_dir() or chromium.PROGRAM is None:
+        sys.stderr.write(
+            "docs/pictures.py: without chromium, or what relight made of the icon "
+            f"({peer}), the picture of both stays as it is\n"
+        )
+        return
+    stack = impasto.read_stack(icon.folder() / "dirs.lp", encoding="srgb")
+    fold = stack.take([k for k in range(len(stack.rig)) if k % icon.HELD_OUT])
+    fitted_icon = impasto.fit_sbrdf(fold, pooling="pixel")
+    x, y, z = stack.rig.lights[HELD_OUT].direction
+    light = f"light={np.degrees(np.arctan2(y, x)):.2f},{np.degrees(np.arcsin(z)):.2f}"
+    panels = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_site(
+            fitted_icon, folder / "page", title="impasto",
+            against=impasto.io.read_relightable(peer), against_title="relight, 27 planes",
+        )  # fmt: skip
+        page = (folder / "page" / "index.html").as_uri()
+        with chromium.Chromium(folder / "profile", size=(1180, 660)) as browser:
+            for number, compare in enumerate(("photograph,0.5", "difference,0")):
+                browser.open(f"{page}#{light}&turns=1&against={compare}")
+                browser.value("new Promise(done => setTimeout(done, 2000))")
+                browser.screenshot(folder / f"{number}.png")
+                panels.append(how_to.narrowed(how_to.read(folder / f"{number}.png"), 900))
+    save("viewer-relight", np.concatenate(panels))
+
+
 def recipes_of_the_page() -> None:
     """What the recipes of how-to.md make, of a painting that is larger than in their test."""
     with tempfile.TemporaryDirectory() as name:
@@ -201,3 +235,4 @@ if __name__ == "__main__":
     matched()
     gallery_of_the_painting()
     gallery_of_the_icon()
+    beside_relight()

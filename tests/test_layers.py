@@ -214,6 +214,19 @@ def test_a_circle_of_python_imports_is_found(tmp_path: Path) -> None:
     assert set(circles()[0]) == {"house.a.first", "house.b.second"}
 
 
+def test_no_import_is_hidden_in_a_string() -> None:
+    """Where a module of the package is imported by its name as text, no graph shows it.
+
+    The package itself imports some modules on first use, by the name that was asked for.
+    """
+    hidden = re.compile(r"""(?:import_module|__import__)\(\s*f?["'][^"')]*impasto""")
+    named = re.compile(r"""^\s*\w+\s*=\s*["']impasto\.[\w.]+["']""", re.MULTILINE)
+    texts = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
+    assert [path for path, text in texts.items() if hidden.search(text)] == []
+    importing = {path for path, text in texts.items() if "import_module" in text}
+    assert [path for path in importing if named.search(texts[path])] == []
+
+
 def test_colour_science_has_one_door() -> None:
     """It warns of every optional package that is absent; the door is quiet."""
     direct = re.compile(r"^\s*(import colour\b|from colour\b)", re.MULTILINE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from impasto.cli import main
 from impasto.surface import Lobe, Surface
 from impasto.viewer import Contents, ViewServer, write_site
 from loopback import serving
+from viewer_page import shown
 
 SHAPE = (24, 40)
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
@@ -131,19 +131,6 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chrom
     folder = tmp_path_factory.mktemp("profile")
     with chromium.Chromium(folder, size=(800, 420)) as started:
         yield started
-
-
-def shown(browser: chromium.Chromium, changes: dict[str, Any], scale: int = 0) -> NDArray[Any]:
-    """What the page makes of a state, ``(y, x, 4)`` codes."""
-    data = browser.value(
-        "(async () => { const { viewer } = window.impasto;"
-        f"viewer.set({{ ...viewer.first, ...{json.dumps(changes)} }});"
-        f"const {{ width, height, data }} = await viewer.picture({scale});"
-        "let text = ''; for (const code of data) text += String.fromCharCode(code);"
-        "return [height, width, btoa(text)]; })()"
-    )
-    height, width, text = data
-    return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)
 
 
 def test_the_page_has_the_pixels_of_the_renderer(
@@ -553,3 +540,16 @@ def test_controls_have_names(opened: chromium.Chromium) -> None:
     assert len(controls) > 25
     nameless = [node["role"]["value"] for node in controls if not node.get("name", {}).get("value")]
     assert nameless == []
+
+
+def test_notes_that_are_handed_on_hold_no_token(browser: chromium.Chromium, tmp_path: Path) -> None:
+    surface, _ = surfaces()["matte"]
+    with serving(ViewServer(Contents(surface))) as server:
+        browser.open(server.url)
+        browser.value("window.impasto.viewer.askNote([2, 3, 10, 5])")
+        browser.value("document.querySelector('textarea').value = 'a loss'")
+        browser.click("dialog .main")
+        browser.until("window.impasto.viewer.notes.length === 1")
+        (found,) = browser.value("window.impasto.viewer.notes")
+    assert found["target"]["source"] == "urn:impasto:view"
+    assert server.token not in json.dumps(found)

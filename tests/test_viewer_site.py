@@ -7,6 +7,7 @@ import gzip
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -132,7 +133,7 @@ def test_nothing_else_can_be_fetched(page: ViewServer, path: str) -> None:
 
 
 def test_nothing_can_be_sent(page: ViewServer) -> None:
-    assert request(page, f"/{page.token}/document.js", b"{}").status == 501
+    assert request(page, f"/{page.token}/document.js", b"{}").status == 405
 
 
 def test_the_page_may_load_nothing_from_elsewhere(page: ViewServer) -> None:
@@ -195,6 +196,64 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(impasto.ArgumentError, match=r"holds notes\.txt"):
         write_site(surface(), site)
     assert (site / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+@pytest.mark.parametrize("name", ["tiles", "document.js", "photographs", "index.html"])
+def test_links_in_a_site_s_folder_lead_nowhere(tmp_path: Path, name: str) -> None:
+    """Whoever may write into an older site must not have what lies elsewhere replaced or read."""
+    elsewhere = tmp_path / "elsewhere"
+    write_site(surface(), elsewhere)
+    before = {path: path.read_bytes() for path in elsewhere.rglob("*") if path.is_file()}
+    site = tmp_path / "site"
+    write_site(surface(), site, title="Before")
+    if (site / name).is_dir():
+        shutil.rmtree(site / name)
+    else:
+        (site / name).unlink(missing_ok=True)
+    (site / name).symlink_to(elsewhere / name)
+    with pytest.raises(impasto.ArgumentError, match=f"{name} in .* is a link"):
+        write_site(surface(), site)
+    # A link within a folder of tiles goes with the folder; where it led nothing changes.
+    (site / name).unlink()
+    shutil.copytree(elsewhere, site, dirs_exist_ok=True)
+    (site / "tiles" / "0" / "0-0.js").unlink()
+    (site / "tiles" / "0" / "0-0.js").symlink_to(elsewhere / "tiles" / "0" / "0-0.js")
+    write_site(surface(), site, title="After")
+    assert not (site / "tiles" / "0" / "0-0.js").is_symlink()
+    assert {p: p.read_bytes() for p in elsewhere.rglob("*") if p.is_file()} == before
+    link = tmp_path / "link"
+    link.symlink_to(elsewhere)
+    with pytest.raises(impasto.ArgumentError, match="a file or a link"):
+        write_site(surface(), link)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names there hold no control characters")
+def test_a_name_of_a_file_commands_neither_terminal_nor_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Escape sequences, the end of a line and of a script, and a change of direction."""
+    name = "a\x1b]0;b\x07\n\u202ec</script><i>&\u2028"
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(0)
+    lights = [[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8]]
+    samples = surface().predict(lights) + random.normal(0.0, 1e-3, (4, 3, 20, 30))
+    fitted = impasto.fit_sbrdf(impasto.Stack(samples, lights=lights), pooling="none")
+    fitted.save(tmp_path / "result.npz")
+    folder = tmp_path / name.replace("/", "-")
+    folder.mkdir()
+    (tmp_path / "result.npz").rename(folder / "sbrdf.npz")
+    out = f"{folder.name} page"
+    assert main(["export", "web", folder.name, "--against", folder.name, "--out", out]) == 0
+    said = capsys.readouterr()
+    assert not set("\x1b\x07\u202e\u2028") & set(said.out + said.err)
+    document = (tmp_path / out / "document.js").read_text("utf-8")
+    assert document.isascii()
+    assert document.count("\n") == 1
+    assert "\\u001b]0;b\\u0007" in document
+    assert main(["view", f"{folder.name}x", "--no-browser"]) == 1
+    said = capsys.readouterr()
+    assert not set("\x1b\x07\u202e\u2028") & set(said.out + said.err)
 
 
 def test_photographs_must_be_of_the_painting() -> None:

@@ -8,6 +8,7 @@ import warnings as _warnings
 
 from impasto._internal import starting as _starting  # noqa: F401  # isort: skip
 from impasto import _core, colour, systems
+from impasto._internal import viewing as _viewing
 from impasto.bands import Camera
 from impasto.comparison import Comparison, compare, load_comparison
 from impasto.effects import Decisions, PlannedEffect
@@ -160,6 +161,15 @@ if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
             return _importlib.import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
+
+def _show(result: _typing.Any, options: dict[str, _typing.Any]) -> _typing.Any:
+    """The viewer, loaded when it is asked for: it imports results, and no result imports it."""
+    from impasto.viewer.widget import view
+
+    return view(result, **options)
+
+
+_viewing.shown_by(_show)
 
 __version__ = _core.build_info()["version"]
 

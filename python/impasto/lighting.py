@@ -145,7 +145,7 @@ def prepare(
     coat = scene.varnish
     # Strengths are those of bands here, and of basis spectra afterwards.
     beneath = 0.0 if coat is None or coat.removed else metallic(lit)
-    lit = _coloured(lit, type(surface).__name__, reflectance, index)
+    lit = coloured(lit, type(surface).__name__, reflectance, index)
     if coat is not None:
         lit = varnished(lit, coat, beneath)
     stood = lit.normal
@@ -275,7 +275,7 @@ def reduced(
     return found, small
 
 
-def _coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
+def coloured(lit: Surface, kind: str, reflectance: Any, index: float | None) -> Surface:
     """The surface to render, with the coefficients of a reflectance as its colours."""
     if reflectance is None:
         return lit if index is None else replace(lit, index=index)

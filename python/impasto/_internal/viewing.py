@@ -1,18 +1,33 @@
-"""``view()`` of results: the viewer is loaded when it is asked for."""
+"""``view()`` of results: they say that they can be shown, and not by what.
+
+The viewer imports results, so no result may import it. What shows them is given here once, by the
+package itself, which imports both.
+"""
 
 from __future__ import annotations
 
-from importlib import import_module
+from collections.abc import Callable
 from typing import Any
 
 from impasto._internal.extras import need
 
+Show = Callable[[Any, dict[str, Any]], Any]
+"""Makes a widget of a result with options."""
+
+
+class _Shows:
+    """What shows results; set when the package is imported."""
+
+    by: Show | None = None
+
+
+def shown_by(show: Show) -> None:
+    """From now on :func:`view` shows results by this."""
+    _Shows.by = show
+
 
 def view(result: Any, options: dict[str, Any]) -> Any:
     """A widget that shows a result.
-
-    The viewer knows results, and no result imports it: what has a ``view`` is told here alone by
-    its name.
 
     Raises
     ------
@@ -20,7 +35,8 @@ def view(result: Any, options: dict[str, Any]) -> Any:
         Without anywidget.
     """
     need("anywidget", "viewer", "a view in a notebook")
-    return import_module("impasto.viewer.widget").view(result, **options)
+    assert _Shows.by is not None, "impasto/__init__.py gives it"
+    return _Shows.by(result, options)
 
 
 class Viewable:
@@ -33,6 +49,8 @@ class Viewable:
         ----------
         reflectance, stack, shown, title, pitch_mm, height, threads
             As in :func:`impasto.viewer.write_site`.
+        against, against_reflectance, against_title
+            As there: another painting beside it, in the same lamp.
         height_px
             Height in the notebook, in pixels of the browser; default: 560.
         embed

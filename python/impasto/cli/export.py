@@ -175,6 +175,9 @@ def web(
     out: Folder,
     photographs: Path | None = None,
     encoding: str | None = None,
+    against: Path | None = None,
+    camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
+    illuminant: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
     threads: SomeWhole = None,
@@ -190,6 +193,14 @@ def web(
     encoding
         Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
         linear for all others.
+    against
+        Another painting of the same size, to be shown beside it in the same lamp: another result
+        (before and after), or what RTI tools made of it, as RESULT.
+    camera
+        CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
+        .zarr, and with them the colour of the light, adaptation and varnish.
+    illuminant
+        Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     title
         Above the page; default: the name of the result.
     pitch
@@ -199,7 +210,14 @@ def web(
     quiet
         No progress, only errors.
     """
-    from impasto.cli.maps import name_of, photographs_beside, shown_result
+    from impasto.cli.maps import name_of
+    from impasto.cli.page import (
+        camera_for_page,
+        painting_beside,
+        photographs_beside,
+        say_notes,
+        shown_result,
+    )
     from impasto.viewer import write_site
 
     check_threads(threads)
@@ -207,17 +225,22 @@ def web(
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     painting, reflectance = shown_result(result)
+    say_notes(painting, stages)
+    other = painting_beside(against, stages)
+    lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.warned(), stages.stage("web page") as stage:
         site = write_site(
             painting,
             out,
             reflectance=reflectance,
+            camera=lens,
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             threads=threads,
             progress=stage.advance,
+            **other,
         )
         stage.note = f"{out}: {site.files} files, {site.size / 1e6:.1f} MB"
     stages.say(f"  {'':14}[dim]open {escape(str(out / 'index.html'))} in a browser[/]")

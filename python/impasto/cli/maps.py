@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.cli.console import Stages
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.fit.lafortune import LafortuneSbrdf
@@ -101,35 +100,6 @@ def load_result(folder: Path) -> tuple[Any, Any]:
         check_listed([path] if spectra is None else [path, spectra])
     reflectance = None if spectra is None else impasto.Reflectance.load(spectra)
     return impasto.load_sbrdf(path), reflectance
-
-
-def shown_result(folder: Path) -> tuple[Any, Any]:
-    """The same for the viewer, which opens a store and reads what is seen of it.
-
-    Raises
-    ------
-    ArgumentError
-        There is no result.
-    CorruptInputError
-        The result is damaged, or of two runs.
-    """
-    import impasto
-
-    path = result_file(folder)
-    return (impasto.open_sbrdf(path), None) if path.is_dir() else load_result(folder)
-
-
-def photographs_beside(path: Path | None, encoding: str | None, stages: Stages) -> Any:
-    """Photographs to compare with a result in the viewer, or None."""
-    import impasto
-
-    if path is None:
-        return None
-    options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
-    with stages.warned(), stages.stage("photographs") as stage:
-        stack = impasto.read_stack(path, **options)
-        stage.note = f"{len(stack.rig)}"
-    return stack
 
 
 def result_files(folder: Path) -> list[Path]:

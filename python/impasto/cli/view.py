@@ -19,6 +19,9 @@ def view(
     *,
     photographs: Path | None = None,
     encoding: str | None = None,
+    against: Path | None = None,
+    camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
+    illuminant: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
     port: int = 0,
@@ -33,14 +36,22 @@ def view(
     Parameters
     ----------
     result
-        The --out folder of impasto fit or demo, an sbrdf.npz, or the .zarr of impasto job run, of
-        any size.
+        The --out folder of impasto fit or demo, an sbrdf.npz, the .zarr of impasto job run, of any
+        size, or what other programs made: a .ptm, an .rti or a folder of relight.
     photographs
         What the result was fitted to (a light file, session.toml, folder or store), to compare with
         its pictures: four of them are shown.
     encoding
         Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
         linear for all others.
+    against
+        Another painting of the same size, to be shown beside it in the same lamp: another result
+        (before and after), or what RTI tools made of it, as RESULT.
+    camera
+        CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
+        .zarr, and with them the colour of the light, adaptation and varnish.
+    illuminant
+        Light of the photographs (A, D65, 3000K), if the camera's file does not contain it.
     title
         Above the page; default: the name of the result.
     pitch
@@ -52,7 +63,15 @@ def view(
     threads
         Default: every core.
     """
-    from impasto.cli.maps import name_of, photographs_beside, shown_result
+    from impasto.cli.maps import name_of
+    from impasto.cli.page import (
+        camera_for_page,
+        painting_beside,
+        photographs_beside,
+        say_empty,
+        say_notes,
+        shown_result,
+    )
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
@@ -64,16 +83,22 @@ def view(
         painting, reflectance = shown_result(result)
         rows, columns = painting.shape
         stage.note = f"{columns} x {rows} pixels"
+    say_notes(painting, stages)
+    other = painting_beside(against, stages)
+    lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.stage("page") as stage:
         contents = Contents(
             painting,
             reflectance=reflectance,
+            camera=lens,
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,
             threads=threads,
+            **other,
         )
         stage.note = f"{contents.tiles} tiles"
+    say_empty(contents, result, stages)
     hint = "Ctrl-C here ends it"
     return serve(ViewServer(contents, port), stages, hint, no_browser=no_browser)

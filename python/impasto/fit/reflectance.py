@@ -24,12 +24,15 @@ from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.io.results import read_maps, write_maps
 from impasto.stack import Stack
-from impasto.training import TrainingSpectra, checked_training
+from impasto.training import Training, TrainingSpectra, checked_training
 
 Estimator = Literal["ensemble", "root-polynomial", "radial-basis", "wiener", "linear-model"]
 
 DEFAULT_NOISE = 1e-3
 """Noise of a diffuse response, relative to white, where there is no stack to measure it on."""
+
+DEFAULT_GRID = np.arange(400.0, 701.0, 5.0)
+"""Wavelengths of spectra in nm, unless others are asked for."""
 
 NOISE_FLOOR = 1e-4
 """Measured noise below this is a simulation's or a short stack's luck, not a camera's."""
@@ -238,8 +241,7 @@ def fit_reflectance(
             f"found {stack.shape[1:]}"
         )
     _check_order(getattr(diffuse, "bands", None) if stack is None else stack.bands, camera)
-    default_grid = np.arange(400.0, 701.0, 5.0)
-    grid = default_grid if wavelengths is None else checked_wavelengths(wavelengths)
+    grid = DEFAULT_GRID if wavelengths is None else checked_wavelengths(wavelengths)
     spectra = checked_training(training, grid)
     if rank is not None and not (is_whole(rank) and rank >= 1):
         raise ArgumentError(f"rank: expected a positive integer or None, found {rank!r}")
@@ -248,6 +250,85 @@ def fit_reflectance(
         measured = None if stack is None else wait_for(noise_of_diffuse, stack, diffuse, responses)
         noise = DEFAULT_NOISE if measured is None else max(measured, NOISE_FLOOR)
         noise_from = "default" if measured is None else "stack"
+    built = _built(camera, estimator, spectra, noise, noise_from, grid, rank, integration)
+    with reporting(progress, "reflectance") as callback:
+        return built.applied(responses, status, threads, callback)
+
+
+class ReflectanceEstimator:
+    """An estimator of spectra that is built once, for maps that are seen part by part.
+
+    :func:`fit_reflectance` builds one for the whole of a map; a part of its result has the bits
+    that the same part of the map gives here, for the same noise.
+
+    Parameters
+    ----------
+    camera
+        Sensitivities and the light of the photographs.
+    bands
+        Names of the bands of the maps.
+
+    Raises
+    ------
+    ArgumentError
+        Bands that are not the camera's, or in another order.
+    """
+
+    def __init__(self, camera: Camera, bands: tuple[str, ...]) -> None:
+        own = matching_camera(camera, bands)
+        spectra = checked_training(None, DEFAULT_GRID)
+        self._camera = own
+        self._built = _built(
+            own, "ensemble", spectra, DEFAULT_NOISE, "default", DEFAULT_GRID, None, "1nm"
+        )
+
+    @property
+    def basis(self) -> Floats:
+        """``(k, n)``, as of :class:`Reflectance`."""
+        return self._built.basis
+
+    @property
+    def wavelengths(self) -> Floats:
+        """``(n,)`` nm."""
+        return self._built.wavelengths
+
+    def apply(self, diffuse: DiffuseSource, *, threads: int | None = None) -> Reflectance:
+        """The spectra of a part of a map, as :func:`fit_reflectance` has them of the whole."""
+        return self._built.applied(*_responses(diffuse, self._camera), threads, None)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Built:
+    """What the Rust core has built, and what goes into every result of it."""
+
+    core: Any
+    basis: Floats
+    wavelengths: Floats
+    info: dict[str, Any]
+    interface: Floats | None
+
+    def applied(
+        self, responses: NDArray[np.float32], status: NDArray[np.uint8] | None,
+        threads: int | None, callback: ProgressCallback | None,
+    ) -> Reflectance:  # fmt: skip
+        """The spectra of some responses."""
+        found = Reflectance(
+            # numpy asks for large pages: touching small new ones takes longer than the estimate.
+            coefficients=np.empty((len(self.basis), *responses.shape[1:]), np.float32),
+            basis=self.basis,
+            wavelengths=np.array(self.wavelengths),
+            status=np.empty(responses.shape[1:], np.uint8),
+            info=dict(self.info),
+            interface=self.interface,
+        )
+        self.core.apply(responses, status, found, thread_count(threads), callback)
+        return found
+
+
+def _built(
+    camera: Camera, estimator: Estimator, spectra: Training, noise: float, noise_from: str,
+    grid: Floats, rank: int | None, integration: Integration,
+) -> _Built:  # fmt: skip
     operator = np.ascontiguousarray(camera.operator(grid, integration=integration))
     built = _core.spectral_estimator(
         estimator,
@@ -267,18 +348,13 @@ def fit_reflectance(
         "bands": list(camera.bands),
     }
     basis = np.ascontiguousarray(built.basis.T)
-    found = Reflectance(
-        # numpy asks for large pages: touching small new ones takes longer than the estimate.
-        coefficients=np.empty((len(basis), *responses.shape[1:]), np.float32),
+    return _Built(
+        core=built,
         basis=basis,
         wavelengths=np.array(grid),
-        status=np.empty(responses.shape[1:], np.uint8),
         info=info | dict(built.diagnostics),
         interface=interface_operator(operator, basis),
     )
-    with reporting(progress, "reflectance") as callback:
-        built.apply(responses, status, found, thread_count(threads), callback)
-    return found
 
 
 def white_corrected(

@@ -6,39 +6,32 @@ import base64
 import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from typing import Any, Protocol, TypedDict
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from impasto._internal.checks import length_mm
-from impasto._internal.waiting import floats
+from impasto._internal.windows import Window
+from impasto.bands import Camera
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
-from impasto.height import integrate_normals
-from impasto.lighting import metallic, prepare
-from impasto.overview import visible
+from impasto.io.rti import RelightableImage
 from impasto.pictures import STATUS_COLOURS, colour_ramp
-from impasto.plan import plan
-from impasto.rig import DistantLight
-from impasto.scene import Scene
 from impasto.status import Status
-from impasto.surface import Relightable, Surface
-from impasto.viewer.colours import colours_of
-from impasto.viewer.layout import QUALITY, SHOWN, UNIT, UNREAD, Layout
+from impasto.surface import Relightable
+from impasto.viewer.layout import SHOWN, UNIT, UNREAD
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
-from impasto.viewer.scales import SIDE, Scales, ScalesInMemory, ScalesOfStore, eye_of
+from impasto.viewer.relightable import RelightablePainting
+from impasto.viewer.scales import SIDE, Scale
 from impasto.viewer.scripts import page_file, script
+from impasto.viewer.surfaces import FIRST_LIGHT, painting_in_memory, painting_of_store
 
 FORMAT = 1
 """Version of the document; increased when an entry changes its meaning."""
-FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
-"""Direction of the lamp when the page opens: from above, as the pictures of ``impasto render``."""
-FEWEST = 100
-"""Normals of which heights are made: a plane through fewer is none."""
-TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})")
+AGAINST = "against/"
+"""Before the names of the tiles of the painting that is shown beside."""
+TILE = re.compile(rf"({AGAINST})?tiles/(\d{{1,2}})/(\d{{1,6}})-(\d{{1,6}})")
 PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
 
 
@@ -46,12 +39,54 @@ class ContentsOptions(TypedDict, total=False):
     """Options of :class:`Contents`."""
 
     reflectance: Any
+    camera: Any
     stack: Any
     shown: Any
+    against: Any
+    against_reflectance: Any
+    against_title: str
     title: str
     pitch_mm: float | None
     height: ArrayLike | None
     threads: int | None
+
+
+Shown = Relightable | StoredSbrdf | RelightableImage
+"""What the page shows."""
+
+
+class Painting(Protocol):
+    """A painting at all its scales, tile by tile, and what the page must know of it."""
+
+    @property
+    def scales(self) -> tuple[Scale, ...]:
+        """From the painting itself to the smallest."""
+
+    @property
+    def pitch_mm(self) -> float | None:
+        """Width of a pixel, if known."""
+
+    @property
+    def shown_bands(self) -> int | None:
+        """How many bands photographs beside it must have; None: it is shown by spectra."""
+
+    def facts(self) -> dict[str, Any]:
+        """Its entries of the document."""
+
+    def effects(self) -> list[dict[str, str]]:
+        """What a plan decides about the first picture, and why."""
+
+    def known(self, scale: Scale, part: Window) -> bool:
+        """Whether anything is known of a part."""
+
+    def tile(self, scale: Scale, part: Window) -> bytes:
+        """A part as the page reads it.
+
+        Raises
+        ------
+        CorruptInputError
+            A part of a store is missing or damaged.
+        """
 
 
 class Contents:
@@ -61,107 +96,116 @@ class Contents:
     ----------
     result
         What :func:`impasto.fit_sbrdf` or :func:`impasto.load_sbrdf` returns, an
-        :class:`impasto.Surface`, or a store of any size as :func:`impasto.open_sbrdf` opens it.
+        :class:`impasto.Surface`, a store of any size as :func:`impasto.open_sbrdf` opens it, or a
+        relightable image of another program (:func:`impasto.io.read_relightable`).
     reflectance
         Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
         default: the spectra of a simulated painting, otherwise none.
+    camera
+        :class:`impasto.Camera` of the photographs: where there is no reflectance it is estimated;
+        of a store, for the tiles that are looked at. Also of ``against``.
     stack
         Photographs to compare with, of a result without spectra in one or three bands.
     shown
         Numbers of the photographs; default: four, evenly among all.
+    against
+        Another painting of the same size, of any kind that ``result`` may be: the page shows both
+        in the same lamp, with a line between them to drag, and their difference.
+    against_reflectance
+        As ``reflectance``, of the other painting.
+    against_title
+        What the page calls it.
     title
         Above the page.
     pitch_mm
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
-        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+        surface, otherwise the normals, integrated about the plane of the panel. Of a store they
+        are those of a small scale.
     threads
         None means every allowed core.
 
     Raises
     ------
     ArgumentError
-        Something else, a reflectance for a store, or photographs of another size.
+        Something else, a reflectance for a store, or photographs or another painting of another
+        size.
     """
 
     def __init__(
         self,
-        result: Relightable | StoredSbrdf,
+        result: Shown,
         *,
         reflectance: Any = None,
+        camera: Camera | None = None,
         stack: Any = None,
         shown: Any = None,
+        against: Shown | None = None,
+        against_reflectance: Any = None,
+        against_title: str = "",
         title: str = "",
         pitch_mm: float | None = None,
         height: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-        if isinstance(result, StoredSbrdf):
-            if reflectance is not None:
-                raise ArgumentError("reflectance: a store has no spectra; load the result instead")
-            if height is not None:
-                raise ArgumentError("height: a store is shown without; load the result instead")
-            painting = _of_store(result, threads)
-        else:
-            painting = _in_memory(result, reflectance, height, pitch, threads)
-        self._scales = painting.scales
-        template = self._scales.template
-        self._layout = Layout.of(template, beneath=painting.beneath, quality=painting.quality)
-        bands, spectra = len(template.diffuse), painting.reflectance
-        rows, columns = self._scales.scales[0].shape
-        self._photographs = Photographs(
-            stack, shown, (rows, columns), bands if spectra is None else None
+        painting = _painting(result, reflectance, camera, height, pitch, threads)
+        other = (
+            None
+            if against is None
+            else _painting(against, against_reflectance, camera, None, pitch, threads)
         )
-        self.document: dict[str, Any] = {
+        self._paintings = [painting] if other is None else [painting, other]
+        self._scales = painting.scales if other is None else _common(painting, other)
+        rows, columns = self._scales[0].shape
+        self._photographs = Photographs(stack, shown, (rows, columns), painting.shown_bands)
+        common = {
             "format": FORMAT,
-            "title": title,
             "width": columns,
             "height": rows,
             "side": SIDE,
             "scales": [
                 {"factor": one.factor, "width": one.shape[1], "height": one.shape[0]}
-                for one in self._scales.scales
+                for one in self._scales
             ],
-            "groups": self._layout.record(),
             "unit": UNIT,
             "shown": SHOWN,
             "unread": UNREAD,
-            "model": template.model,
-            "lobes": [{"tinted": np.ndim(lobe.strength) == 3} for lobe in template.lobes],
-            "index": float(template.index),
-            "coated": bool(template.coated),
-            "ambient": template.ambient is not None,
-            "beneath": painting.beneath,
-            "quality": list(painting.quality),
-            "relief": template.height is not None,
-            "coefficients": bands,
-            "bands": painting.bands,
             "pitch": painting.pitch_mm if pitch is None else pitch,
-            "origin": painting.origin,
-            "eye": eye_of(painting.eye),
             "light": list(FIRST_LIGHT),
-            "colours": colours_of(spectra, bands),
             "statuses": _statuses(),
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
-            "effects": painting.effects,
             "photographs": self._photographs.records,
         }
+        self.document: dict[str, Any] = {"title": title} | common | painting.facts()
+        if other is not None:
+            self.document["against"] = {"title": against_title} | common | other.facts()
 
     @property
     def tiles(self) -> int:
         """How many tiles there are, at all scales."""
-        return sum(rows * columns for rows, columns in (s.tiles for s in self._scales.scales))
+        count = sum(rows * columns for rows, columns in (one.tiles for one in self._scales))
+        return count * len(self._paintings)
+
+    @property
+    def empty(self) -> bool:
+        """Whether no pixel of the painting has an estimate, as far as its smallest scale tells."""
+        scale = self._scales[-1]
+        rows, columns = scale.tiles
+        parts = (scale.window(row, column) for row in range(rows) for column in range(columns))
+        return not any(self._paintings[0].known(scale, part) for part in parts)
 
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
-        yield from ("index.html", "style.css", "viewer.js", "document.js")
+        yield from ("index.html", "style.css", "viewer.js", "document.js", "effects.js")
         yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
-        for number, scale in reversed(list(enumerate(self._scales.scales))):
+        for number, scale in reversed(list(enumerate(self._scales))):
             rows, columns = scale.tiles
-            for row in range(rows):
-                yield from (f"tiles/{number}/{row}-{column}.js" for column in range(columns))
+            for folder in ("", AGAINST)[: len(self._paintings)]:
+                for row in range(rows):
+                    tiles = f"{folder}tiles/{number}/{row}"
+                    yield from (f"{tiles}-{column}.js" for column in range(columns))
 
     def file(self, name: str) -> Callable[[], bytes] | None:
         """What makes the content of a file, which may raise IndexError; None: there is none."""
@@ -178,10 +222,16 @@ class Contents:
         return None
 
     def data(self, name: str) -> Callable[[], bytes] | None:
-        """The same of a tile or a photograph, by its name without ``.js``: gzip, or a PNG."""
+        """The same by its name without ``.js``: of a tile gzip, of a photograph a PNG.
+
+        ``effects`` is JSON.
+        """
+        if name == "effects":
+            return lambda: json.dumps(self._paintings[0].effects()).encode("ascii")
         if found := TILE.fullmatch(name):
-            number, row, column = map(int, found.groups())
-            return lambda: self._tile(number, row, column)
+            which = int(found[1] is not None)
+            number, row, column = map(int, found.groups()[1:])
+            return lambda: self._tile(which, number, row, column)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
             return lambda: self._photographs.png(number)
@@ -198,99 +248,47 @@ class Contents:
     def _document(self) -> bytes:
         return f"window.impasto = {{ document: {self.text} }};\n".encode("ascii")
 
-    def _tile(self, number: int, row: int, column: int) -> bytes:
-        scale = self._scales.scales[number]
-        part = self._scales.part(scale, scale.window(row, column))
-        return self._layout.tile(part.surface, part.status, part.beneath, part.quality)
+    def _tile(self, which: int, number: int, row: int, column: int) -> bytes:
+        scale, painting = self._scales[number], self._paintings[which]
+        return painting.tile(scale, scale.window(row, column))
 
 
-@dataclass(frozen=True)
-class _Painting:
-    """What the document says of a painting, wherever its maps are."""
-
-    scales: Scales
-    effects: list[dict[str, str]]
-    eye: Any
-    pitch_mm: float | None
-    origin: list[float]
-    bands: list[str]
-    reflectance: Any = None
-    beneath: bool = False
-    quality: tuple[str, ...] = ()
-
-
-def _of_store(stored: StoredSbrdf, threads: int | None) -> _Painting:
-    count = len(stored.bands)
-    chosen = None if count in {1, 3} else [count - 1, count // 2, 0]
-    # Jobs keep the statistics that a plan needs; of another store every map would be read.
-    planned: Any = None
-    if stored.statistics() is not None and chosen is None:
-        planned = stored.plan(_first_scene(), threads=threads)
-    return _Painting(
-        scales=ScalesOfStore(stored, chosen),
-        effects=[] if planned is None else _effects(planned.effects),
-        eye=stored[:1, :1].eye(),
-        pitch_mm=stored.pitch_mm,
-        origin=[float(value) for value in stored.rig.origin],
-        bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
-    )
-
-
-def _in_memory(
-    result: Relightable,
-    reflectance: Any,
-    height: ArrayLike | None,
-    pitch: float | None,
-    threads: int | None,
-) -> _Painting:
-    spectra = result.spectra() if reflectance is None else reflectance
-    lit: Any = visible(result, spectra)
-    scene = _first_scene()
-    surface = prepare(lit, scene, reflectance=spectra, threads=threads).surface
-    surface = replace(surface, height=_relief(surface, height, pitch, threads))
-    planned = plan(lit, scene, reflectance=spectra, fidelity="model", threads=threads)
-    beneath: Any = None
-    if spectra is not None:
-        share = metallic(lit.surface())
-        beneath = share if np.ndim(share) else np.full(surface.shape, share, np.float32)
-        beneath = beneath if (beneath > 0.0).any() else None
-    quality = {name: getattr(result, name) for name in QUALITY if hasattr(result, name)}
-    return _Painting(
-        scales=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
-        effects=_effects(planned.effects),
-        eye=lit.eye(),
-        pitch_mm=surface.pitch_mm,
-        origin=[float(value) for value in surface.origin],
-        bands=[str(name) for name in getattr(lit, "bands", ())],
-        reflectance=spectra,
-        beneath=beneath is not None,
-        quality=tuple(quality),
-    )
-
-
-def _relief(
-    surface: Surface, height: ArrayLike | None, pitch: float | None, threads: int | None
-) -> NDArray[np.float32] | None:
-    """Heights in mm, or in pixels where their width is not known; None where nothing is known."""
+def _painting(
+    result: Any, reflectance: Any, camera: Camera | None, height: ArrayLike | None,
+    pitch: float | None, threads: int | None,
+) -> Painting:  # fmt: skip
+    """What the page shows of any kind of result."""
+    if isinstance(result, StoredSbrdf):
+        what, words = "store", "is not read beside a store; give the camera"
+    elif isinstance(result, RelightableImage):
+        what, words = "relightable image", "a relightable image has no spectra"
+    else:
+        return painting_in_memory(result, reflectance, camera, height, pitch, threads)
+    if reflectance is not None:
+        raise ArgumentError(f"reflectance: {words}")
     if height is not None:
-        found = floats(height)
-        if found.shape != surface.shape:
-            raise ArgumentError(f"height: expected {surface.shape}, found shape {found.shape}")
-        return found
-    if surface.height is not None:
-        return surface.height
-    if int((surface.normal[2] > 0).sum()) < FEWEST:
-        return None
-    width = surface.pitch_mm if pitch is None else pitch
-    return integrate_normals(surface.normal, width or 1.0, level=True, threads=threads)
+        raise ArgumentError(f"height: that of a {what} cannot be given")
+    if isinstance(result, StoredSbrdf):
+        return painting_of_store(result, camera, threads)
+    return RelightablePainting(result)
 
 
-def _first_scene() -> Scene:
-    return Scene([DistantLight(FIRST_LIGHT)])
+def _common(painting: Painting, other: Painting) -> tuple[Scale, ...]:
+    """The scales that two paintings of one size have both.
 
-
-def _effects(effects: Any) -> list[dict[str, str]]:
-    return [{"name": one.name, "decision": one.decision, "reason": one.reason} for one in effects]
+    Raises
+    ------
+    ArgumentError
+        They have different sizes.
+    """
+    (rows, columns), found = painting.scales[0].shape, other.scales[0].shape
+    if found != (rows, columns):
+        raise ArgumentError(
+            f"against: expected a painting of {columns} x {rows} pixels, as the result has, found "
+            f"{found[1]} x {found[0]}; impasto compare brings two states of a painting together"
+        )
+    both = set(other.scales)
+    return tuple(scale for scale in painting.scales if scale in both)
 
 
 def _statuses() -> dict[int, Any]:

@@ -147,9 +147,10 @@ class Layout:
             planes[name] = np.where(np.isfinite(plane), plane, UNKNOWN)
         codes = np.full(part.shape, UNREAD, np.int16) if status is None else status.astype(np.int16)
         planes["flags"] = codes + np.int16(SHOWN) * shown
-        return gzip.compress(self._bytes(planes, shown), COMPRESSION, mtime=0)
+        return gzip.compress(self.texels(planes, shown), COMPRESSION, mtime=0)
 
-    def _bytes(self, planes: dict[str, NDArray[Any]], shown: NDArray[np.bool_]) -> bytes:
+    def texels(self, planes: Mapping[str, NDArray[Any]], shown: NDArray[np.bool_]) -> bytes:
+        """Planes by their names as the textures of the page hold them; 0 where nothing is shown."""
         found = []
         for group in self.groups:
             stacked = np.zeros((group.layers * CHANNELS, *shown.shape), TYPES[group.number])

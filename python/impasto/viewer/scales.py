@@ -6,6 +6,7 @@ normals has widened (:func:`impasto.lighting.reduced`), as in the stores of jobs
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 
 from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
+from impasto.fit.reflectance import ReflectanceEstimator
 from impasto.fit.stored import StoredSbrdf
-from impasto.lighting import reduced
+from impasto.height import integrate_normals
+from impasto.lighting import coloured, metallic, reduced
 from impasto.rig import PointView
 from impasto.surface import Lobe, Surface
-from impasto.viewer.layout import middle_of
+from impasto.viewer.layout import QUALITY, middle_of
 
 SIDE = 256
 """Rows and columns of a tile."""
@@ -28,6 +31,10 @@ READ = 8
 """Largest factor at which the status of a store is read: each tile of it reads so many squared."""
 LOADED = 2**24
 """Most pixels of a store without smaller scales."""
+RELIEF = 2**18
+"""Most pixels of the scale of a store whose normals are integrated: a fifth of a second."""
+FEWEST = 100
+"""Normals of which heights are made: a plane through fewer is none."""
 
 
 @dataclass(frozen=True)
@@ -171,12 +178,18 @@ class ScalesInMemory:
 class ScalesOfStore:
     """Of a result in a store, read by windows.
 
+    Scales that are smaller than the smallest of the store are made of that when one of them is
+    asked for first, until a tile holds the whole painting. Heights are those of one scale, whose
+    normals are integrated; between its pixels they are interpolated.
+
     Parameters
     ----------
     stored
-        What :func:`impasto.open_sbrdf` returns, with smaller scales.
+        What :func:`impasto.open_sbrdf` returns.
     bands
         Numbers of the bands that are shown; None: all.
+    spectra
+        Makes spectra of the bands; None: bands are shown.
 
     Raises
     ------
@@ -184,16 +197,30 @@ class ScalesOfStore:
         A large store without smaller scales.
     """
 
-    def __init__(self, stored: StoredSbrdf, bands: list[int] | None) -> None:
+    def __init__(
+        self,
+        stored: StoredSbrdf,
+        bands: list[int] | None,
+        spectra: ReflectanceEstimator | None = None,
+    ) -> None:
         rows, columns = stored.shape
         if not stored.factors and rows * columns > LOADED:
             raise ArgumentError(
                 f"result: {stored.path} holds {columns} x {rows} pixels and no smaller scales; "
                 "impasto job run makes stores that do"
             )
-        self._stored, self._bands = stored, bands
+        self._stored, self._bands, self._spectra = stored, bands, spectra
+        self.quality = tuple(name for name in QUALITY if name in stored.map_names)
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
+        self._last = factor = max(shapes)
+        while max(shapes[factor]) > SIDE and min(shapes[factor]) > 1:
+            rows, columns = shapes[factor]
+            factor *= 2
+            shapes[factor] = rows // 2, columns // 2
         self._scales = tuple(Scale(factor, shape) for factor, shape in shapes.items())
+        self._lock = threading.RLock()
+        small = [one for one in self._scales if one.shape[0] * one.shape[1] <= RELIEF]
+        self.relieved = small[0] if small else self._scales[-1]
 
     @property
     def scales(self) -> tuple[Scale, ...]:
@@ -202,25 +229,103 @@ class ScalesOfStore:
 
     @cached_property
     def template(self) -> Surface:
-        """The first pixel."""
-        return self.part(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+        """The first pixel; its height is not known yet."""
+        surface = self._read(self.scales[0], (slice(0, 1), slice(0, 1))).surface
+        return replace(surface, height=np.zeros(surface.shape, np.float32))
 
     def part(self, scale: Scale, window: Window) -> Part:
         """See :class:`Scales`."""
+        found = self._without_height(scale, window)
+        with self._lock:
+            heights = self._heights
+        share = scale.factor / self.relieved.factor
+        height = resampled(heights, window, share)
+        return replace(found, surface=replace(found.surface, height=height))
+
+    def _without_height(self, scale: Scale, window: Window) -> Part:
+        if scale.factor <= self._last:
+            return self._read(scale, window)
+        with self._lock:
+            smaller = self._smallest
+        return smaller.part(Scale(scale.factor // self._last, scale.shape), window)
+
+    @cached_property
+    def _heights(self) -> NDArray[np.float32]:
+        """Of one scale in mm, about the plane of the panel; in pixels without their width."""
+        scale = self.relieved
+        whole = _all(scale.shape)
+        if scale.factor == 1:
+            normal = self._stored.map("normal", *whole)
+        elif scale.factor <= self._last:
+            normal = self._stored.level_part(scale.factor, *whole).normal
+        else:
+            normal = self._without_height(scale, whole).surface.normal
+        if int((normal[2] > 0).sum()) < FEWEST:
+            return np.zeros(scale.shape, np.float32)
+        width = (self._stored.pitch_mm or 1.0) * scale.factor
+        return integrate_normals(normal, width, level=True)
+
+    def _read(self, scale: Scale, window: Window) -> Part:
         one: Any
         if scale.factor == 1:
             one = self._stored.visible(*window)
-            return Part(self._shown(one), one.status)
-        one = self._stored.level_part(scale.factor, *window)
-        if scale.factor > READ:
-            return Part(self._shown(one))
-        rows, columns = (slice(scale.factor * p.start, scale.factor * p.stop) for p in window)
-        status = self._stored.map("status", rows, columns)
-        return Part(self._shown(one), middle_of(status, scale.factor))
+            status = one.status
+        else:
+            one = self._stored.level_part(scale.factor, *window)
+            if scale.factor > READ:
+                surface, beneath = self._shown(one)
+                return Part(surface, None, beneath, self._unknown(window))
+            status = self._sampled("status", scale.factor, window)
+        quality = {name: self._sampled(name, scale.factor, window) for name in self.quality}
+        surface, beneath = self._shown(one)
+        return Part(surface, status, beneath, quality)
 
-    def _shown(self, one: Any) -> Surface:
-        found: Surface = (one if self._bands is None else one.with_bands(self._bands)).surface()
-        return replace(found, height=None)
+    def _sampled(self, name: str, factor: int, window: Window) -> NDArray[Any]:
+        """Of every group of pixels the one in its middle."""
+        rows, columns = (slice(factor * one.start, factor * one.stop) for one in window)
+        return middle_of(self._stored.map(name, rows, columns), factor)
+
+    def _unknown(self, window: Window) -> dict[str, NDArray[np.float32]]:
+        """In place of what is not read at a small scale."""
+        size = tuple(one.stop - one.start for one in window)
+        return {name: np.full(size, np.nan, np.float32) for name in self.quality}
+
+    @cached_property
+    def _smallest(self) -> ScalesInMemory:
+        """The smallest scale of the store, and those that are made of it."""
+        one = self._read(self._scales[self._number], _all(self._scales[self._number].shape))
+        return ScalesInMemory(one.surface, one.status, one.beneath, one.quality)
+
+    @property
+    def _number(self) -> int:
+        return next(n for n, scale in enumerate(self._scales) if scale.factor == self._last)
+
+    def _shown(self, one: Any) -> tuple[Surface, NDArray[np.float32] | None]:
+        """A part as it is lit, and what lies beneath a varnish."""
+        if self._spectra is None:
+            bands = one if self._bands is None else one.with_bands(self._bands)
+            return replace(bands.surface(), height=None), None
+        lit = one.surface()
+        share = metallic(lit)
+        found = coloured(lit, "store", self._spectra.apply(one.diffuse, threads=1), None)
+        return replace(found, height=None), np.broadcast_to(np.float32(share), lit.shape)
+
+
+def resampled(plane: NDArray[np.float32], window: Window, share: float) -> NDArray[np.float32]:
+    """A window of a scale whose pixels are so many of a plane wide, linear between its pixels."""
+    found = plane
+    for axis, part in enumerate(window):
+        places = (np.arange(part.start, part.stop) + 0.5) * share - 0.5
+        places = np.clip(places, 0.0, found.shape[axis] - 1.0)
+        low = places.astype(np.intp)
+        high = np.minimum(low + 1, found.shape[axis] - 1)
+        weight = np.moveaxis((places - low).astype(np.float32).reshape(-1, 1), 0, axis)
+        found = (1 - weight) * np.take(found, low, axis) + weight * np.take(found, high, axis)
+    return np.asarray(found, np.float32)
+
+
+def _all(shape: tuple[int, int]) -> Window:
+    return slice(0, shape[0]), slice(0, shape[1])
 
 
 def _halved(plane: NDArray[np.float32]) -> NDArray[np.float32]:

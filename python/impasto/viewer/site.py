@@ -10,16 +10,17 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.printable import printable
+from impasto.bands import Camera
 from impasto.errors import ArgumentError
-from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
-from impasto.surface import Relightable
-from impasto.viewer.contents import Contents
+from impasto.viewer.contents import AGAINST, Contents, Shown
 
 MARK = b"window.impasto = "
 """How the document of a site begins."""
-OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs"}
+OWN = {"index.html", "style.css", "viewer.js", "document.js", "effects.js"}
+OWN |= {"tiles", "photographs", AGAINST.rstrip("/")}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""
@@ -48,12 +49,16 @@ class Site:
 
 
 def write_site(
-    result: Relightable | StoredSbrdf,
+    result: Shown,
     out: str | os.PathLike[str],
     *,
     reflectance: Any = None,
+    camera: Camera | None = None,
     stack: Any = None,
     shown: Any = None,
+    against: Shown | None = None,
+    against_reflectance: Any = None,
+    against_title: str = "",
     title: str = "",
     pitch_mm: float | None = None,
     height: ArrayLike | None = None,
@@ -70,23 +75,33 @@ def write_site(
     ----------
     result
         What :func:`impasto.fit_sbrdf` or :func:`impasto.load_sbrdf` returns, an
-        :class:`impasto.Surface`, or a store of any size as :func:`impasto.open_sbrdf` opens it.
+        :class:`impasto.Surface`, a store of any size as :func:`impasto.open_sbrdf` opens it, or a
+        relightable image of another program (:func:`impasto.io.read_relightable`).
     out
         The folder to write.
     reflectance
         Result of :func:`impasto.fit_reflectance`, for illuminants, adaptation, varnish and spectra;
         default: the spectra of a simulated painting, otherwise none.
+    camera
+        :class:`impasto.Camera` of the photographs: where there is no reflectance it is estimated.
+        Also of ``against``.
     stack
         Photographs to compare with, of a result without spectra in one or three bands.
     shown
         Numbers of the photographs; default: four, evenly among all.
+    against, against_reflectance
+        Another painting of the same size, of any kind that ``result`` may be, and its spectra: the
+        page shows both in the same lamp, with a line between them, and their difference.
+    against_title
+        What the page calls it.
     title
         Above the page; default: none.
     pitch_mm
         Width of a pixel in mm, for the scale bar and near lamps; default: that of the result.
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
-        surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+        surface, otherwise the normals, integrated about the plane of the panel. Of a store they
+        are those of a small scale.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)`` in files.
 
@@ -107,8 +122,12 @@ def write_site(
     contents = Contents(
         result,
         reflectance=reflectance,
+        camera=camera,
         stack=stack,
         shown=shown,
+        against=against,
+        against_reflectance=against_reflectance,
+        against_title=against_title,
         title=title,
         pitch_mm=pitch_mm,
         height=height,
@@ -142,7 +161,13 @@ def _check(target: Path) -> None:
     """Refuse a name that holds anything but an older site."""
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise ArgumentError(f"out: {target} is a file or a link; give the name of a new folder")
-    inside = {one.name for one in target.iterdir()} if target.is_dir() else set()
+    entries = list(target.iterdir()) if target.is_dir() else []
+    if linked := sorted(one.name for one in entries if one.is_symlink()):
+        raise ArgumentError(
+            f"out: {printable(linked[0])} in {target} is a link, which no site of impasto has; "
+            "give another name"
+        )
+    inside = {one.name for one in entries}
     if not inside:
         return
     own = False
@@ -151,6 +176,6 @@ def _check(target: Path) -> None:
             own = document.read(len(MARK)) == MARK
     if foreign := sorted(inside if not own else inside - OWN):
         raise ArgumentError(
-            f"out: {target} holds {foreign[0]}, which is no part of a site of impasto; give "
-            "another name"
+            f"out: {target} holds {printable(foreign[0])}, which is no part of a site of impasto; "
+            "give another name"
         )

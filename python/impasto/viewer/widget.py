@@ -13,9 +13,7 @@ import anywidget
 import traitlets
 
 from impasto.errors import ArgumentError, ImpastoError
-from impasto.fit.stored import StoredSbrdf
-from impasto.surface import Relightable
-from impasto.viewer.contents import Contents, ContentsOptions
+from impasto.viewer.contents import Contents, ContentsOptions, Shown
 from impasto.viewer.scripts import script
 
 LOWEST_PX, HIGHEST_PX = 240, 4000
@@ -110,7 +108,7 @@ def _embedded(contents: Contents) -> dict[str, bytes]:
 
 
 def view(
-    result: Relightable | StoredSbrdf,
+    result: Shown,
     *,
     height_px: int = 560,
     embed: bool = False,

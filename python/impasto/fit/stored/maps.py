@@ -68,6 +68,11 @@ class StoredMaps:
             if one.shape[-2:] != self.shape:
                 raise CorruptInputError(path, f"array {one.name!r} has the wrong shape {one.shape}")
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The maps that there are."""
+        return tuple(sorted(self._maps))
+
     def named(self, name: str) -> ZarrArray:
         """The map of that name.
 

@@ -105,6 +105,16 @@ class StoredSbrdf:
         return self._maps.kind
 
     @property
+    def map_names(self) -> tuple[str, ...]:
+        """What :meth:`map` reads."""
+        return self._maps.names
+
+    @property
+    def has_statistics(self) -> bool:
+        """Whether :meth:`statistics` are kept; they are not read."""
+        return self._statistics is not None
+
+    @property
     def tile(self) -> int:
         """Rows and columns of the tiles in which the maps are stored."""
         return self._maps.tile

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import one_of
+from impasto._internal.viewing import Viewable
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.rti.bases import Basis, Floats, unit_directions
@@ -25,7 +26,7 @@ _ROWS = 1 << 18
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RelightableImage:
+class RelightableImage(Viewable):
     """Reflectance transformation imaging (RTI): the picture as a sum of functions of the light.
 
     It has no normals and no reflection model: it shows what was photographed from one view, in the

@@ -97,7 +97,8 @@ function lightSection(app, updates) {
     marks.hidden = !state.clipped;
   });
   const near = [];
-  if (doc.pitch) {
+  // What a relightable image holds depends on the direction of the light alone.
+  if (doc.pitch && !doc.basis) {
     const extent = Math.hypot(doc.width, doc.height) * doc.pitch;
     const first = Math.round(1.5 * extent);
     const lamp = check("Near lamp", on => app.set({ near: on ? first : null, photograph: -1 }));
@@ -152,6 +153,8 @@ function legend(app) {
     if (state.layer in QUALITY) element.append(...bar(...QUALITY[state.layer].words));
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
+    const { scales, read } = app.doc;
+    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted(0)].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
     if (state.layer === "status") {
       element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
         const swatch = h("span", { className: "swatch" });
@@ -171,6 +174,7 @@ function layerSection(app, updates) {
 
 function effectSection(app, updates) {
   const { doc } = app;
+  if (doc.basis) return section("Effects", false, h("p", { className: "faint" }, `${doc.basis.format}: ${doc.basis.terms} functions of the light's direction, which hold highlights, shade and shadows as they were photographed. There are no maps to switch off.`), ...doc.basis.notes.map(text => h("p", {}, `${text}.`)));
   const names = [["matte", "Matte part"], ...(doc.lobes.length ? [["gloss", "Gloss"]] : []), ...(doc.ambient ? [["ambient", "Light from all sides"]] : [])];
   const switches = names.map(([name, label]) => {
     const one = check(label, on => app.set({ [name]: on }));
@@ -183,12 +187,22 @@ function effectSection(app, updates) {
     varnish = choice("Varnish", [{ name: "none", label: "As it is" }, ...coats.map(({ name, label }) => ({ name, label }))], name => app.set({ varnish: name }));
     updates.push(state => varnish.update(state.varnish));
   }
-  const rows = doc.effects.filter(one => one.decision !== "absent").map(one =>
+  const plan = h("div", {});
+  const made = section("Effects", false, ...switches, varnish ? h("h3", {}, "Varnish") : null, varnish?.element ?? null, plan);
+  // A plan of a large painting takes a second: it is made when somebody looks.
+  made.addEventListener("toggle", async () => {
+    const effects = await app.source.effects().catch(() => []);
+    if (effects.length) plan.replaceChildren(...planned(effects));
+  }, { once: true });
+  return made;
+}
+
+function planned(effects) {
+  const rows = effects.filter(one => one.decision !== "absent").map(one =>
     h("div", {}, h("dt", {}, one.name, h("span", { className: "tag" }, one.decision)), h("dd", {}, one.reason)));
-  const absent = doc.effects.filter(one => one.decision === "absent").map(one => one.name);
-  const plan = rows.length ? h("div", {}, h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
-    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : "") : null;
-  return section("Effects", false, ...switches, varnish ? h("h3", {}, "Varnish") : null, varnish?.element ?? null, plan);
+  const absent = effects.filter(one => one.decision === "absent").map(one => one.name);
+  return [h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
+    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : ""];
 }
 
 function viewSection(app, updates) {
@@ -200,26 +214,34 @@ function viewSection(app, updates) {
     towards.element.hidden = !state.tilt;
     relief.element.hidden = !state.tilt || !app.doc.relief;
   });
+  if (app.doc.basis) tilt.element.hidden = true;
   return section("View", false, tilt.element, towards.element, relief.element,
     h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel"),
       h("button", { type: "button", onclick: () => app.turn90() }, "Turn")));
 }
 
 function compareSection(app, updates) {
-  const { doc } = app;
-  if (!doc.photographs.length) return null;
-  const pick = choice("Photograph", [{ name: "-1", label: "None" }, ...doc.photographs.map((one, i) => ({ name: String(i), label: `No. ${one.number + 1}` }))],
-    name => app.compareWith(Number(name)));
-  const what = choice("Beside it", [{ name: "photograph", label: "Photograph" }, { name: "difference", label: "Difference" }], compare => app.set({ compare }));
+  const { doc } = app, title = doc.against?.title || "The other painting";
+  if (!doc.photographs.length && !doc.against) return null;
+  const photographs = doc.photographs.map((one, i) => ({ name: String(i), label: `${doc.against ? "Photograph no." : "No."} ${one.number + 1}` }));
+  const pick = choice("Beside it", [{ name: "-1", label: "None" }, ...(doc.against ? [{ name: "against", label: title }] : []), ...photographs],
+    name => app.compareWith(name === "against" ? -1 : Number(name), name === "against"));
+  const itself = h("span", {});
+  const what = choice("What is shown beside it", [{ name: "photograph", label: itself }, { name: "difference", label: "Difference" }], compare => app.set({ compare }));
   const words = legend(app), scale = h("div", {}, ...words.bar("0", `${MOST_DIFFERENCE} CIEDE2000`));
-  const hint = h("p", { className: "faint" }, "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line.");
+  const hint = h("p", { className: "faint" });
   updates.push(state => {
-    pick.update(String(state.photograph));
+    const picture = state.layer === "picture", none = state.photograph < 0 && !state.against;
+    pick.update(state.against ? "against" : String(state.photograph));
     what.update(state.compare);
-    what.element.hidden = hint.hidden = state.photograph < 0;
-    scale.hidden = state.photograph < 0 || state.compare !== "difference";
+    what.element.hidden = none || !picture;
+    hint.hidden = none;
+    scale.hidden = none || !picture || state.compare !== "difference";
+    itself.textContent = state.against ? title : "Photograph";
+    hint.textContent = !state.against ? "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line."
+      : app.beside ? `Left of the line ${doc.title || "the picture"}; right of it ${title}, in the same lamp. Drag the line.` : `${title} has no such layer.`;
   });
-  return section("Photographs", false, pick.element, what.element, scale, hint);
+  return section(doc.against ? "Beside it" : "Photographs", Boolean(doc.against), pick.element, what.element, scale, hint);
 }
 
 function pixelSection(app, updates) {
@@ -232,9 +254,12 @@ function pixelSection(app, updates) {
     made.open = true;
     const { doc } = app, { colours } = doc, rows = [["Place", `column ${place[0]}, row ${place[1]}`]];
     if (doc.pitch) rows.push(["", `${((place[0] + 0.5) * doc.pitch).toFixed(1)} mm from the left, ${((place[1] + 0.5) * doc.pitch).toFixed(1)} mm from the top`]);
-    rows.push(["Status", values.status ? `${values.status.name}: ${values.status.reason}` : "not read"]);
+    if (!values.relit) rows.push(["Status", values.status ? `${values.status.name}: ${values.status.reason}` : "not read"]);
     const plots = [];
-    if (values.shown) {
+    if (values.relit) {
+      const under = values.relit(app.renderer.geometry(app.state).towards);
+      rows.push([doc.basis.coding === "linear" ? "In this light, linear" : "In this light, coded", under.map(value => value.toFixed(3)).join(", ")]);
+    } else if (values.shown) {
       rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
       for (const name of doc.quality) rows.push([QUALITY[name].label, values.quality[name] < 0 ? "not known" : QUALITY[name].shown(values.quality[name])]);
       if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);

@@ -19,7 +19,8 @@ export function pageHost(doc) {
     changed: tell => window.addEventListener("hashchange", () => { if (location.hash !== linked) tell(); }),
     // The address that shows the same again.
     link: text => `${location.href.split("#")[0]}#${text}`,
-    source: () => location.href.split("#")[0],
+    // What notes are about. The address on this machine alone holds a token, which is not to be handed on.
+    source: () => (["127.0.0.1", "localhost"].includes(location.hostname) ? "urn:impasto:view" : location.href.split("#")[0]),
     notes: () => storedAnnotations(doc),
     keepNotes: list => storeAnnotations(doc, list),
     kept: "Kept in this browser; save them to hand them on.",

@@ -1,6 +1,6 @@
 // A painting in the output of a notebook, as anywidget (https://anywidget.dev) asks for it: tiles come from the model, or by its messages.
 
-import { decompressed, pictureOf } from "./tiles.js";
+import { decompressed, jsonOf, pictureOf } from "./tiles.js";
 import { h } from "./controls.js";
 import { mount } from "./start.js";
 
@@ -31,7 +31,8 @@ function modelSource(model) {
     return waiting.get(name).promise;
   };
   return {
-    tile: name => load(`tiles/${name}`).then(decompressed),
+    tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
+    effects: () => load("effects").then(jsonOf),
     photograph: number => load(`photographs/${number}`).then(pictureOf),
     close: () => model.off("msg:custom", answer),
   };

@@ -2,6 +2,7 @@
 
 import { displayColours } from "./colour.js";
 import { groupsOf } from "./half.js";
+import { planeWeights } from "./basis.js";
 import { fresnel } from "./values.js";
 import { QUALITY, directionOf } from "./state.js";
 import { VERTEX, fragment, showFragment, showVertex } from "./shader.js";
@@ -36,6 +37,7 @@ export class Renderer {
     const statuses = Array.from({ length: 256 }, (_, code) => this.doc.statuses[code]?.colour ?? [255, 0, 255]);
     this.statuses = this.row(statuses);
     this.blank = this.row([[0, 0, 0]]);
+    this.weights = this.doc.basis ? this.texture(gl.TEXTURE_2D, gl.NEAREST) : null;
     this.photographs = new Map();
     this.vertices = gl.createVertexArray();
     gl.bindVertexArray(this.vertices);
@@ -181,6 +183,7 @@ export class Renderer {
       gl.uniform1f(at("uTwiceOverVH"), 2 / v_h);
       gl.uniform1f(at("uFresnel"), opposed ? 0 : fresnel(v_h, index));
     }
+    if (doc.basis) this.weigh(this.light.at, towards, colours.factor);
     const columns = matrix => matrix[0].flatMap((_, k) => matrix.map(row => row[k]));
     gl.uniform3fv(at("uDiffuse"), columns(colours.diffuse));
     gl.uniform3fv(at("uInterface"), colours.interface);
@@ -194,6 +197,15 @@ export class Renderer {
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
     gl.uniform1i(at("uClipped"), state.clipped ? 1 : 0);
     this.version++;
+  }
+
+  // Of a relightable image: the weights of its planes. A near lamp is taken for one in the same direction.
+  weigh(at, direction, factor) {
+    const gl = this.gl, weights = planeWeights(this.doc.basis, direction);
+    gl.uniform1i(at("uWeights"), 5);
+    gl.uniform1f(at("uFactor"), factor);
+    this.bind(5, this.weights);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, weights.length / 4, 1, 0, gl.RGBA, gl.FLOAT, weights);
   }
 
   // The lobe of a coat: strength and shape.
@@ -231,6 +243,7 @@ export class Renderer {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D_ARRAY, group);
     });
+    if (doc.basis) this.bind(5, this.weights);
     this.bind(6, this.ramp);
     this.bind(7, this.statuses);
     gl.bindFramebuffer(gl.FRAMEBUFFER, tile.frame);
@@ -258,13 +271,15 @@ export class Renderer {
   }
 
   // Show tiles on the canvas, in order. `clip`: from pixels of the painting to the canvas, columns of a matrix.
-  // `relief`: where heights displace what is seen.
-  draw(names, { clip, zoom, state, relief }) {
+  // `relief`: where heights displace what is seen. `other`: the renderer of another painting that is compared.
+  draw(names, { clip, zoom, state, relief, other }) {
     const gl = this.gl, doc = this.doc;
     const photograph = state.layer === "picture" ? this.photographs.get(state.photograph) : undefined;
-    const compare = photograph ? state.compare : "";
-    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare)]);
+    const compare = photograph || other ? state.layer === "picture" ? state.compare : "photograph" : "";
+    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare} ${Boolean(other)}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare, Boolean(other))]);
     const lit = names.map(name => [name, this.lit(name)]);
+    // Until a tile of the other painting is there, the painting's own stands for it.
+    const beside = new Map(other ? names.filter(name => other.has(name)).map(name => [name, other.lit(name).picture]) : []);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(0, 0, 0, 0);
@@ -294,6 +309,10 @@ export class Renderer {
       // Single pixels keep their edges once they are large.
       const filter = size * zoom > SHARP ? gl.NEAREST : gl.LINEAR;
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
+      if (other) {
+        this.bind(1, beside.get(name) ?? tile.picture);
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
+      }
       gl.uniform4f(at("uTile"), column * doc.side * size, row * doc.side * size, tile.width * size, tile.height * size);
       if (relief) {
         gl.activeTexture(gl.TEXTURE3);

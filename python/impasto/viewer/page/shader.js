@@ -2,6 +2,7 @@
 // painting has, for one layer and for the effects that are on: what is not shown costs nothing. A renderer without a
 // graphics card runs both sides of every branch.
 
+import { DECODED, weightedSum } from "./basis.js";
 import { shapeNames } from "./values.js";
 
 export const VERTEX = `#version 300 es
@@ -118,7 +119,7 @@ export function fragment(doc, { layer, coat, near, nearView }) {
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
-    picture: () => lit(doc, { coat, near, nearView, mirror, read, sum }),
+    picture: () => (doc.basis ? relit(doc, read) : lit(doc, { coat, near, nearView, mirror, read, sum })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
@@ -144,6 +145,7 @@ ${near || nearView ? "" : "#define DISTANT"}
 ${samplers.join("\n")}
 uniform sampler2D uRamp;
 uniform sampler2D uStatuses;
+${doc.basis ? "uniform highp sampler2D uWeights; // of the planes of a relightable image\nuniform float uFactor;" : ""}
 uniform vec2 uFirst;      // first pixel of the tile from the painting's middle, in mm
 uniform float uStep;      // width of a pixel of this scale in mm
 uniform vec3 uLight;      // direction to the lamp, or its place in mm
@@ -169,7 +171,7 @@ out vec4 shown;
 
 vec3 n, light, view;
 ${picture && mirror ? LOGARITHM : ""}
-${picture ? MODELS[doc.model] : ""}
+${picture ? MODELS[doc.model] ?? DECODED : ""}
 ${picture && doc.coated ? COATED : ""}
 vec3 encoded(vec3 linear) {
   vec3 value = clamp(linear, 0.0, 1.0);
@@ -182,7 +184,7 @@ vec4 ramp(float value) {
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
 ${fetches.join("\n")}
-  int flags = g0_0.w;
+  int flags = ${plane(doc, "flags")};
   bool known = flags >= ${doc.shown};
 ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
   shown = status == ${doc.unread} ? ${unknown} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  if (!known) {
@@ -192,6 +194,13 @@ ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
   ${body}`}
 }`;
 }
+
+// From linear light to the display.
+const FINISHED = `  shown = vec4(encoded(colour), 1.0);
+  if (uClipped && ((at.x + at.y) & 3) < 2) {
+    if (max(colour.r, max(colour.g, colour.b)) > 1.0) shown.rgb = vec3(${MARKS.bright});
+    else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
+  }`;
 
 // The light of a lamp that a pixel reflects.
 function lit(doc, { coat, near, nearView, mirror, read, sum }) {
@@ -219,11 +228,14 @@ ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-  shown = vec4(encoded(colour), 1.0);
-  if (uClipped && ((at.x + at.y) & 3) < 2) {
-    if (max(colour.r, max(colour.g, colour.b)) > 1.0) shown.rgb = vec3(${MARKS.bright});
-    else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
-  }`;
+${FINISHED}`;
+}
+
+// What a relightable image shows, whose functions know the direction of the light alone.
+function relit(doc, read) {
+  return `${weightedSum(doc.basis, read)}
+  colour *= uFactor;
+${FINISHED}`;
 }
 
 // Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is
@@ -307,8 +319,9 @@ float difference(vec3 one, vec3 other) {
   return sqrt(max(dl * dl + dc * dc + dH * dH + rt * dc * dH, 0.0));
 }`;
 
-// `compare`: nothing beside the picture, the "photograph" or their "difference".
-export const showFragment = compare => `#version 300 es
+// `compare`: nothing beside the picture, the "photograph" or their "difference". `tiled`: what is beside it lies in
+// tiles as the picture does.
+export const showFragment = (compare, tiled) => `#version 300 es
 precision highp float;
 uniform sampler2D uPicture;
 uniform sampler2D uPhotograph;
@@ -325,7 +338,7 @@ void main() {
   if (picture.a == 0.0) discard;
   shown = picture;
 ${compare ? `  if (gl_FragCoord.x >= uSplit) {
-    vec3 photograph = texture(uPhotograph, vPainting).rgb;
+    vec3 photograph = texture(uPhotograph, ${tiled ? "vTexture" : "vPainting"}).rgb;
     shown = vec4(photograph, 1.0);
 ${compare === "difference" ? `    float found = difference(lab(picture.rgb), lab(photograph));
     shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);` : ""}

@@ -39,6 +39,7 @@ export function firstState(doc) {
     relief: 1,
     turns: 0, // quarter turns of the picture on the page, counterclockwise
     photograph: -1,
+    against: Boolean(doc.against), // whether the other painting is beside it
     compare: "photograph",
     split: 0.5,
     view: null,
@@ -65,6 +66,8 @@ export function textOfState(state, doc) {
   if (state.turns) add("turns", String(state.turns));
   if (state.relief !== 1) add("relief", short(state.relief));
   if (state.photograph >= 0) add("photograph", `${state.photograph},${state.compare},${short(state.split, 3)}`);
+  if (state.against) add("against", `${state.compare},${short(state.split, 3)}`);
+  else if (first.against) add("against", "none");
   if (state.view) add("view", state.view.map(value => short(value, 4)).join(","));
   if (state.pixel) add("pixel", state.pixel.join(","));
   return words.join("&");
@@ -97,11 +100,19 @@ export function stateOfText(text, doc) {
   if (eye && eye[1] > 0) [state.towards, state.tilt] = [(eye[0] + 360) % 360, eye[1]];
   state.turns = Math.round(numbers("turns", [[0, 3]])?.[0] ?? 0);
   state.relief = numbers("relief", [[0, 10]])?.[0] ?? 1;
-  const [number, compare, split] = (given.get("photograph") ?? "").split(",");
-  if (/^\d+$/.test(number) && Number(number) < doc.photographs.length) {
-    state.photograph = Number(number);
+  const beside = (compare, split) => {
     if (compare === "difference") state.compare = compare;
     if (split && Number.isFinite(Number(split))) state.split = Math.min(Math.max(Number(split), 0), 1);
+  };
+  const [number, ...photographed] = (given.get("photograph") ?? "").split(",");
+  if (doc.against && given.has("against")) {
+    const words = given.get("against").split(",");
+    state.against = words[0] !== "none";
+    if (state.against) beside(...words);
+  }
+  if (/^\d+$/.test(number) && Number(number) < doc.photographs.length) {
+    [state.photograph, state.against] = [Number(number), false];
+    beside(...photographed);
   }
   state.view = numbers("view", [[-doc.width, 2 * doc.width], [-doc.height, 2 * doc.height], [1e-4, 256]]);
   const pixel = numbers("pixel", [[0, doc.width - 1], [0, doc.height - 1]]);
@@ -110,6 +121,7 @@ export function stateOfText(text, doc) {
 }
 
 export function layersOf(doc) {
+  if (doc.basis) return [{ name: "picture", label: "Picture" }];
   return [
     { name: "picture", label: "Picture" },
     { name: "colour", label: "Colours" },

@@ -21,7 +21,9 @@ export function scriptSource(folder) {
     document.head.append(element);
   }).then(bytesOf);
   return {
-    tile: name => load(`tiles/${name}`).then(decompressed),
+    // `folder`: before the names of the tiles of another painting.
+    tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
+    effects: () => load("effects").then(jsonOf),
     // An image from a file would not be readable by WebGL: a page from a disk has no origin.
     photograph: number => load(`photographs/${number}`).then(pictureOf),
   };
@@ -32,6 +34,8 @@ function bytesOf(data) {
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
   return bytes;
 }
+
+export const jsonOf = bytes => JSON.parse(new TextDecoder().decode(bytes));
 
 // The codes of a PNG as they are.
 export const pictureOf = bytes =>
@@ -51,8 +55,9 @@ export async function decompressed(bytes) {
 }
 
 export class Tiles {
-  constructor(source, arrived) {
+  constructor(source, arrived, folder) {
     this.source = source;
+    this.folder = folder;
     this.arrived = arrived;
     this.known = new Map(); // name: { state, buffer }
     this.queue = [];
@@ -76,7 +81,7 @@ export class Tiles {
     const entry = { buffer: null, failed: false };
     this.known.set(name, entry);
     this.running++;
-    entry.promise = this.source.tile(name)
+    entry.promise = this.source.tile(name, this.folder)
       .then(buffer => { entry.buffer = buffer; })
       .catch(error => { entry.failed = true; console.error(error); })
       .then(() => {

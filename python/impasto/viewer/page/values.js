@@ -1,6 +1,7 @@
 // What is known of one pixel, and its lobes as functions: the formulas of the shader, for plots.
 
 import { applied, encodeSrgb, labFromXyz } from "./colour.js";
+import { pixelSum } from "./basis.js";
 import { groupsOf, numberAt } from "./half.js";
 import { anglesOf } from "./state.js";
 
@@ -14,6 +15,7 @@ export function pixelValues(doc, buffer, size, column, row) {
   const flags = read("flags"), shown = flags >= doc.shown;
   const status = doc.statuses[shown ? flags - doc.shown : flags];
   if (!shown) return { status, shown };
+  if (doc.basis) return { shown, relit: direction => pixelSum(doc.basis, direction, read) };
   const normal = ["x", "y", "z"].map(name => read(name) / doc.unit);
   const many = (prefix, count) => Array.from({ length: count }, (_, k) => read(prefix + k));
   const diffuse = many("diffuse", doc.coefficients);
@@ -24,14 +26,18 @@ export function pixelValues(doc, buffer, size, column, row) {
   return { status, shown, normal, ...anglesOf(normal), diffuse, lobes, height: doc.relief ? read("height") : null, quality: Object.fromEntries(doc.quality.map(name => [name, read(name)])) };
 }
 
-// The 1st and 99th percentile of what layers show on ramps, and the statuses that there are, of a tile.
+// The 1st and 99th percentile of what layers show on ramps, the statuses that there are, and whether anything is known,
+// of a tile.
 export function rangesOf(doc, buffer, size) {
   const found = { width: [], strength: [], height: [] }, statuses = new Set(), ranges = {};
+  if (doc.basis) return { ranges, statuses: [], known: true };
+  let known = false;
   const step = Math.max(1, Math.floor(size.width * size.height / 4000));
   for (let texel = 0; texel < size.width * size.height; texel += step) {
     const one = pixelValues(doc, buffer, size, texel % size.width, Math.floor(texel / size.width));
     if (one.status) statuses.add(Number(Object.keys(doc.statuses).find(code => doc.statuses[code] === one.status)));
     if (!one.shown) continue;
+    known = true;
     if (doc.relief) found.height.push(one.height);
     const luminance = doc.colours.illuminants[0].diffuse[1];
     let most = 0, best = null;
@@ -51,7 +57,7 @@ export function rangesOf(doc, buffer, size) {
     const [low, high] = [0.01, 0.99].map(share => values[Math.floor(share * (values.length - 1))]);
     ranges[name] = high - low > 1e-3 ? [low, high] : [low - 0.5, high + 0.5];
   }
-  return { ranges, statuses: [...statuses].sort((a, b) => a - b) };
+  return { ranges, statuses: [...statuses].sort((a, b) => a - b), known };
 }
 
 export const spectrumOf = (colours, coefficients) =>

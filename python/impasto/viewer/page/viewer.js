@@ -9,7 +9,7 @@ import { svg } from "./plots.js";
 import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
 import { anglesFromPlane, h, lightWords, panel } from "./controls.js";
 import { download, noteDialog, upright } from "./saving.js";
-import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
+import { directionOf, firstState, layersOf, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
@@ -23,7 +23,11 @@ export class Viewer extends Geometry {
     Object.assign(this, { element, doc, source, host, coarse: 0, dragging: false, notes: host.notes(), statuses: [], first: firstState(doc), pointer: new Pointer(this) });
     this.build();
     this.renderer = new Renderer(this.canvas, doc);
-    this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry));
+    this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.renderer));
+    if (doc.against) {
+      this.other = new Renderer(this.canvas, doc.against);
+      this.otherTiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.other), "against/");
+    }
     this.panel = panel(this);
     this.element.append(this.panel.element);
     this.state = stateOfText(host.read(), doc);
@@ -38,9 +42,12 @@ export class Viewer extends Geometry {
     const buffer = await this.tiles.get(name);
     this.started = true;
     if (buffer) {
-      const { ranges, statuses } = rangesOf(this.doc, buffer, this.sizeOf(name));
+      const { ranges, statuses, known } = rangesOf(this.doc, buffer, this.sizeOf(name));
       Object.assign(this.renderer.ranges, ranges);
       this.statuses = statuses;
+      this.unknown = !known;
+      const why = statuses.map(code => this.doc.statuses[code].reason);
+      if (this.unknown) this.wait.textContent = `No pixel of this painting has an estimate${why.length ? `: ${why.join("; ")}` : ""}. There is no picture to light; the layer of statuses shows where which holds.`;
     }
     this.showNotes(this.notes, true);
     this.reached();
@@ -61,7 +68,8 @@ export class Viewer extends Geometry {
     this.buttons = TOOLS.map(([name, label, key, title]) => h("button", { type: "button", title: `${title} (${key})`, "aria-pressed": "false", onclick: () => this.choose(name) }, label));
     this.readout = h("output", { className: "readout", "aria-live": "polite" });
     this.scaleBar = h("div", { className: "scale", hidden: !doc.pitch });
-    this.divider = h("div", { className: "divider", role: "slider", tabIndex: 0, hidden: true, "aria-label": "Line between picture and photograph", "aria-valuemin": 0, "aria-valuemax": 100 }, h("span"));
+    this.sides = ["left", "right"].map(side => h("b", { className: side, "aria-hidden": "true" }));
+    this.divider = h("div", { className: "divider", role: "slider", tabIndex: 0, hidden: true, "aria-label": "Line between picture and photograph", "aria-valuemin": 0, "aria-valuemax": 100 }, h("span"), ...this.sides);
     this.wait = h("p", { className: "wait", role: "status" }, "Loading");
     this.stage = h("div", { className: "stage" }, this.canvas, this.over, this.divider, this.wait,
       h("header", {}, h("h1", {}, title), h("div", { className: "row tools", role: "toolbar", "aria-label": "What dragging does" }, ...this.buttons),
@@ -120,6 +128,12 @@ export class Viewer extends Geometry {
     return true;
   }
 
+  // The renderer of the other painting, while it is shown beside.
+  get beside() {
+    const { against, layer } = this.state;
+    return against && layersOf(this.doc.against).some(one => one.name === layer) ? this.other : null;
+  }
+
   // --- tiles
 
   sizeOf(name) {
@@ -151,11 +165,11 @@ export class Viewer extends Geometry {
     return Math.min(number + coarse, last);
   }
 
-  arrived(name, entry) {
+  arrived(name, entry, renderer) {
     if (entry.failed) this.say(`A part of the painting could not be loaded (${name}).`);
     else if (!this.renderer.gl.isContextLost()) {
       const { width, height } = this.sizeOf(name);
-      this.renderer.upload(name, entry.buffer, width, height);
+      renderer.upload(name, entry.buffer, width, height);
     }
     this.redraw();
   }
@@ -184,7 +198,10 @@ export class Viewer extends Geometry {
       if (this.steady > 20) [this.steady, this.coarse] = [0, this.coarse - 1];
     }
     this.last = this.dragging ? now : 0;
-    if (this.stale) this.renderer.setState(this.state);
+    // Layers of both paintings are shown on the same ramps.
+    const other = this.beside;
+    if (other) other.ranges = this.renderer.ranges;
+    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state);
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
     const finest = this.wanted(0), coarse = this.wanted(this.coarse);
@@ -204,17 +221,21 @@ export class Viewer extends Geometry {
     this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
     const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.canvas;
     const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
-    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement });
+    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement, other });
+    if (other) {
+      this.otherTiles.want([...here, ...names].filter(name => !other.has(name)));
+      for (const gone of other.trim(new Set([...names, ...here]))) this.otherTiles.forget(gone);
+    }
     for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
-    if (names.length) this.wait.hidden = true;
-    if (names.length) this.host.shown(there.length === here.length);
+    if (names.length) this.wait.hidden = !this.unknown || this.state.layer === "status";
+    if (names.length) this.host.shown(there.length === here.length && (!other || here.every(name => other.has(name))));
     this.drawOver();
   }
 
   // --- what lies over the painting
 
   drawOver() {
-    const ratio = this.canvas.width / this.canvas.clientWidth || 1;
+    const { doc } = this, ratio = this.canvas.width / this.canvas.clientWidth || 1;
     const onPage = place => this.toCanvas(place).map(value => value / ratio);
     const polygon = ([x, y, w, hh], attributes) => svg("polygon", { points: [[x, y], [x + w, y], [x + w, y + hh], [x, y + hh]].map(onPage).join(" "), ...attributes });
     this.over.replaceChildren();
@@ -227,7 +248,10 @@ export class Viewer extends Geometry {
       const [x, y] = onPage(this.state.pixel.map(value => value + 0.5));
       for (const name of ["halo", "cross"]) this.over.append(svg("path", { d: `M${x - 11} ${y}h7m8 0h7M${x} ${y - 11}v7m0 8v7`, class: name }));
     }
-    this.divider.hidden = this.state.photograph < 0 || this.state.layer !== "picture";
+    this.divider.hidden = !this.beside && (this.state.photograph < 0 || this.state.layer !== "picture");
+    const [left, right] = this.sides, photograph = doc.photographs[this.state.photograph];
+    left.textContent = doc.title || "The picture";
+    right.textContent = this.state.layer === "picture" && this.state.compare === "difference" ? "Difference" : photograph ? `Photograph no. ${photograph.number + 1}` : doc.against?.title || "The other painting";
     this.divider.style.left = `${100 * this.state.split}%`;
     this.divider.setAttribute("aria-valuenow", Math.round(100 * this.state.split));
     this.drawScale(ratio);
@@ -288,9 +312,11 @@ export class Viewer extends Geometry {
   }
 
   restored() {
-    this.renderer.restart();
     this.stale = true;
-    for (const [name, entry] of this.tiles.known) if (entry.buffer) this.arrived(name, entry);
+    for (const [tiles, renderer] of [[this.tiles, this.renderer], [this.otherTiles, this.other]]) {
+      renderer?.restart();
+      for (const [name, entry] of tiles?.known ?? []) if (entry.buffer) this.arrived(name, entry, renderer);
+    }
     if (this.state.photograph >= 0) this.compareWith(this.state.photograph);
   }
 
@@ -311,8 +337,9 @@ export class Viewer extends Geometry {
     this.showPixel([x, y], pixelValues(this.doc, buffer, this.sizeOf(name), x % side, y % side));
   }
 
-  compareWith(number) {
-    this.set({ photograph: number, ...(number >= 0 ? { layer: "picture", tilt: 0 } : {}) });
+  // A photograph by its number, the other painting, or nothing.
+  compareWith(number, against = false) {
+    this.set({ photograph: number, against, ...(number >= 0 ? { layer: "picture", tilt: 0 } : {}) });
     if (number < 0 || this.renderer.photographs.has(number)) return;
     this.source.photograph(number).then(image => {
       this.renderer.photograph(number, image);
