@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import length_mm
 from impasto._internal.waiting import floats
+from impasto.environment import Environment
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
@@ -26,6 +27,7 @@ from impasto.scene import Scene
 from impasto.status import Status
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of
+from impasto.viewer.environments import Environments
 from impasto.viewer.layout import QUALITY, SHOWN, UNIT, UNREAD, Layout
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
@@ -39,6 +41,7 @@ FIRST_LIGHT = (0.0, 0.5**0.5, 0.5**0.5)
 FEWEST = 100
 """Normals of which heights are made: a plane through fewer is none."""
 TILE = re.compile(r"tiles/(\d{1,2})/(\d{1,6})-(\d{1,6})")
+ENVIRONMENT = re.compile(r"environments/(\d{1,2})")
 PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
 
 
@@ -51,6 +54,7 @@ class ContentsOptions(TypedDict, total=False):
     title: str
     pitch_mm: float | None
     height: ArrayLike | None
+    environments: Sequence[Environment]
     threads: int | None
 
 
@@ -76,6 +80,8 @@ class Contents:
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
         surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+    environments
+        Others than those that impasto contains, to light the painting with.
     threads
         None means every allowed core.
 
@@ -95,6 +101,7 @@ class Contents:
         title: str = "",
         pitch_mm: float | None = None,
         height: ArrayLike | None = None,
+        environments: Sequence[Environment] = (),
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
@@ -111,6 +118,7 @@ class Contents:
         self._layout = Layout.of(template, beneath=painting.beneath, quality=painting.quality)
         bands, spectra = len(template.diffuse), painting.reflectance
         rows, columns = self._scales.scales[0].shape
+        self._environments = Environments(environments)
         self._photographs = Photographs(
             stack, shown, (rows, columns), bands if spectra is None else None
         )
@@ -143,6 +151,7 @@ class Contents:
             "eye": eye_of(painting.eye),
             "light": list(FIRST_LIGHT),
             "colours": colours_of(spectra, bands),
+            "environments": self._environments.records,
             "statuses": _statuses(),
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
             "effects": painting.effects,
@@ -157,6 +166,7 @@ class Contents:
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
         yield from ("index.html", "style.css", "viewer.js", "document.js")
+        yield from (f"environments/{number}.js" for number in range(len(self._environments)))
         yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
         for number, scale in reversed(list(enumerate(self._scales.scales))):
             rows, columns = scale.tiles
@@ -182,6 +192,9 @@ class Contents:
         if found := TILE.fullmatch(name):
             number, row, column = map(int, found.groups())
             return lambda: self._tile(number, row, column)
+        if found := ENVIRONMENT.fullmatch(name):
+            chosen = int(found[1])
+            return lambda: self._environments.data(chosen)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
             return lambda: self._photographs.png(number)

@@ -20,6 +20,7 @@ MODULES = (
     "state",
     "tiles",
     "values",
+    "prefilter",
     "shader",
     "renderer",
     "plots",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto.environment import Environment
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import atomic_together
@@ -19,7 +21,7 @@ from impasto.viewer.contents import Contents
 
 MARK = b"window.impasto = "
 """How the document of a site begins."""
-OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs"}
+OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs", "environments"}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""
@@ -57,6 +59,7 @@ def write_site(
     title: str = "",
     pitch_mm: float | None = None,
     height: ArrayLike | None = None,
+    environments: Sequence[Environment] = (),
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Site:
@@ -87,6 +90,8 @@ def write_site(
     height
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
         surface, otherwise the normals, integrated about the plane of the panel. A store has none.
+    environments
+        Others than those that impasto contains, to light the painting with.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)`` in files.
 
@@ -112,6 +117,7 @@ def write_site(
         title=title,
         pitch_mm=pitch_mm,
         height=height,
+        environments=environments,
         threads=threads,
     )
     names = list(contents.names())

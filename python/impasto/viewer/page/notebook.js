@@ -33,6 +33,7 @@ function modelSource(model) {
   return {
     tile: name => load(`tiles/${name}`).then(decompressed),
     photograph: number => load(`photographs/${number}`).then(pictureOf),
+    environment: number => load(`environments/${number}`).then(decompressed),
     close: () => model.off("msg:custom", answer),
   };
 }
