@@ -109,6 +109,11 @@ class Chromium:
                     raise RuntimeError(f"{method}: {answer['error']['message']}")
                 return dict(answer["result"])
 
+    @property
+    def address(self) -> str:
+        """That of the page that is open, without what stands behind #; empty before the first."""
+        return "" if self._session is None else str(self.value("location.href.split('#')[0]"))
+
     def value(self, expression: str) -> Any:
         """What JavaScript makes of an expression, promises awaited."""
         answer = self.call(

@@ -366,7 +366,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture
 def opened(browser: chromium.Chromium, site: str) -> chromium.Chromium:
     """The page as it is when it opens; loaded anew only where another one is shown."""
-    if browser.value("location.href.split('#')[0]") != site:
+    if browser.address != site:
         browser.open(site)
     browser.value(
         "(() => { const { viewer } = window.impasto; viewer.notes = []; viewer.choose('light');"

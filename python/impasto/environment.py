@@ -19,7 +19,7 @@ from impasto._internal.checks import MOST, number, numbers, one_of, positive
 from impasto._internal.damage import DAMAGE
 from impasto._internal.regular import RegularFile
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
-from impasto.gallery import gallery
+from impasto.rooms import ROOMS
 
 Scheme = Literal["vector", "scalar"]
 
@@ -173,12 +173,15 @@ class Environment:
         ----------
         name
             ``"gallery"``: a room with a luminous ceiling, a window on the left and two track
-            spots. A white board that faces the viewer has irradiance 1.
+            spots; ``"skylight"``: a hall under a roof of glass; ``"window"``: a dark room with one
+            tall window on the left; ``"overcast"``: the sky of CIE's standard over open ground;
+            ``"candles"``: a dark room with seven flames. A white board that faces the viewer has
+            Y = 1.
         rotation, **options
             As in the class.
         """
-        one_of(name, ("gallery",), "name")
-        return cls(gallery(), rotation=rotation, **{"name": name, **options})
+        one_of(name, tuple(ROOMS), "name")
+        return cls(ROOMS[name](), rotation=rotation, **{"name": name, **options})
 
     def rotated(self, rotation: float | ArrayLike) -> Environment:
         """The same room, turned further."""

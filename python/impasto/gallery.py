@@ -7,10 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-HEIGHT = 256
-"""Rows of the map."""
-SAMPLES = 3
-"""Rays per texel and axis: edges of the window and of the spots are smooth."""
+from impasto._internal.panorama import of_colour, panorama
 
 LEFT, RIGHT, FLOOR, CEILING, BACK = -4.0, 5.0, -1.6, 3.0, 9.0
 """The room in metres from the middle of the painting, which hangs on the wall z = 0."""
@@ -39,20 +36,7 @@ def gallery() -> NDArray[np.float32]:
     A luminous ceiling, a window with bars on the painting's left, a doorway and dark pictures on
     the wall opposite, two warm track spots. Scaled so that a white board on the wall has Y = 1.
     """
-    rows, columns = HEIGHT * SAMPLES, 2 * HEIGHT * SAMPLES
-    longitude = (np.arange(columns) + 0.5) / columns * 2.0 * np.pi - np.pi
-    latitude = 0.5 * np.pi - (np.arange(rows) + 0.5) / rows * np.pi
-    flat, up = np.cos(latitude)[:, None], np.sin(latitude)[:, None]
-    x, y, z = -np.sin(longitude) * flat, up + 0.0 * flat * longitude, np.cos(longitude) * flat
-    light = _radiance(x, y, z)
-    # The wall on which the painting hangs: seen by no pixel unless the room is turned.
-    light = np.where(z <= 0.0, _of(WALL), light)
-    area = np.broadcast_to(np.abs(flat), z.shape) * (np.pi / rows) * (2.0 * np.pi / columns)
-    board = np.sum(light * (np.maximum(z, 0.0) * area), axis=(1, 2))
-    light /= np.array([0.2126, 0.7152, 0.0722]) @ board
-    weighted = (light * area).reshape(3, HEIGHT, SAMPLES, 2 * HEIGHT, SAMPLES).sum(axis=(2, 4))
-    areas = area.reshape(HEIGHT, SAMPLES, 2 * HEIGHT, SAMPLES).sum(axis=(1, 3))
-    return np.ascontiguousarray(weighted / areas, dtype=np.float32)
+    return panorama(_radiance, WALL)
 
 
 def _radiance(
@@ -67,32 +51,28 @@ def _radiance(
     px, py, pz = distance * x, distance * y, distance * z
     # Surfaces are darker towards the corners, where less light reaches them.
     corner = np.clip(np.minimum(py - FLOOR, CEILING - py) / 1.2, 0.0, 1.0)
-    light = _of(WALL) * (0.7 + 0.3 * corner)
+    light = of_colour(WALL) * (0.7 + 0.3 * corner)
     on_floor, on_ceiling = (level <= distance) & (y < 0.0), (level <= distance) & (y > 0.0)
     boards = 0.9 + 0.1 * np.sin(2.0 * np.pi * px / 0.14) ** 2
-    light = np.where(on_floor, _of(PARQUET) * boards, light)
-    light = np.where(on_ceiling, _of(PLASTER), light)
+    light = np.where(on_floor, of_colour(PARQUET) * boards, light)
+    light = np.where(on_ceiling, of_colour(PLASTER), light)
     glass = on_ceiling & (np.abs(px - 0.4) < 2.6) & (pz > 2.2) & (pz < 7.6)
     bars = (np.abs((pz - 2.2) % 1.35) < 0.06) | (np.abs((px + 2.2) % 1.3) < 0.06)
-    light = np.where(glass, np.where(bars, _of(FRAME), _of(LAYLIGHT)), light)
+    light = np.where(glass, np.where(bars, of_colour(FRAME), of_colour(LAYLIGHT)), light)
     on_left = (side <= np.minimum(level, back)) & (x < 0.0)
     opening = on_left & (pz > 2.0) & (pz < 4.4) & (py > -0.7) & (py < 2.3)
     panes = (np.abs((pz - 2.0) % 0.8) < 0.05) | (np.abs((py + 0.7) % 1.0) < 0.05)
     # Brighter above, where the sky is.
-    sky = _of(WINDOW) * (0.55 + 0.45 * np.clip((py + 0.7) / 3.0, 0.0, 1.0))
-    light = np.where(opening, np.where(panes, _of(FRAME), sky), light)
+    sky = of_colour(WINDOW) * (0.55 + 0.45 * np.clip((py + 0.7) / 3.0, 0.0, 1.0))
+    light = np.where(opening, np.where(panes, of_colour(FRAME), sky), light)
     opposite = (back <= np.minimum(level, side)) & (z > 0.0)
     door = opposite & (np.abs(px - 0.6) < 0.8) & (py < 0.9)
     hung = opposite & (np.abs(py) < 0.6) & (np.abs(np.abs(px - 0.6) - 2.4) < 0.8)
-    light = np.where(hung, _of(PICTURES), light)
-    light = np.where(door, _of(DOORWAY), light)
+    light = np.where(hung, of_colour(PICTURES), light)
+    light = np.where(door, of_colour(DOORWAY), light)
     for place in SPOTS:
         direction = np.array(place) / np.linalg.norm(place)
         cosine = np.clip(x * direction[0] + y * direction[1] + z * direction[2], -1.0, 1.0)
         inside = cosine > np.cos(SPOT_RADIUS)
-        light = np.where(inside, _of(SPOT), light)
+        light = np.where(inside, of_colour(SPOT), light)
     return np.ascontiguousarray(light)
-
-
-def _of(colour: tuple[float, float, float]) -> NDArray[np.float64]:
-    return np.array(colour)[:, None, None]

@@ -47,7 +47,7 @@ class Viewable:
 
         Parameters
         ----------
-        reflectance, stack, shown, title, pitch_mm, height, threads
+        reflectance, stack, shown, title, pitch_mm, height, environments, threads
             As in :func:`impasto.viewer.write_site`.
         against, against_reflectance, against_title
             As there: another painting beside it, in the same lamp.

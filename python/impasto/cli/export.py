@@ -176,6 +176,7 @@ def web(
     photographs: Path | None = None,
     encoding: str | None = None,
     against: Path | None = None,
+    environment: Path | None = None,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     title: str | None = None,
@@ -196,6 +197,9 @@ def web(
     against
         Another painting of the same size, to be shown beside it in the same lamp: another result
         (before and after), or what RTI tools made of it, as RESULT.
+    environment
+        A .hdr, .exr or picture of a room over longitude and latitude, to light the painting with,
+        besides the five that every page has.
     camera
         CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
         .zarr, and with them the colour of the light, adaptation and varnish.
@@ -213,6 +217,7 @@ def web(
     from impasto.cli.maps import name_of
     from impasto.cli.page import (
         camera_for_page,
+        own_environments,
         painting_beside,
         photographs_beside,
         say_notes,
@@ -227,6 +232,7 @@ def web(
     painting, reflectance = shown_result(result)
     say_notes(painting, stages)
     other = painting_beside(against, stages)
+    rooms = own_environments(environment, stages)
     lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.warned(), stages.stage("web page") as stage:
@@ -238,6 +244,7 @@ def web(
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,
+            environments=rooms,
             threads=threads,
             progress=stage.advance,
             **other,

@@ -19,8 +19,6 @@ _LARGEST = 90.0
 
 ABOVE = Lamp(Angles(90.0, 45.0))
 """The lamp of a picture without others."""
-GALLERY = "gallery"
-"""The environment that impasto contains."""
 
 
 def lamps(
@@ -56,6 +54,7 @@ def room_of(environment: str | None, rotation: float | None) -> Any:
     """The environment of a name or a file, turned by so many degrees; None for none."""
     import impasto
     from impasto.environment import SUFFIXES
+    from impasto.rooms import ROOMS
 
     if environment is None:
         if rotation is not None:
@@ -65,12 +64,12 @@ def room_of(environment: str | None, rotation: float | None) -> Any:
     if not math.isfinite(degrees):
         raise ArgumentError(f"--environment-rotation: expected degrees, found {degrees:g}")
     radians = math.radians(degrees)
-    if environment == GALLERY:
+    if environment in ROOMS:
         return impasto.Environment.named(environment, rotation=radians)
     if Path(environment).suffix.lower() not in SUFFIXES:
-        near = suggestion(environment.strip().lower(), [GALLERY])
+        near = suggestion(environment.strip().lower(), list(ROOMS))
         raise ArgumentError(
-            f"--environment: expected {GALLERY}, or a file {', '.join(SUFFIXES[:-1])} or "
+            f"--environment: expected {', '.join(ROOMS)}, or a file {', '.join(SUFFIXES[:-1])} or "
             f"{SUFFIXES[-1]}, found {environment!r}{near}"
         )
     return impasto.Environment.read(environment, rotation=radians)

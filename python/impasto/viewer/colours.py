@@ -18,13 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.colour import Display, xyz_from_coefficients
+from impasto.colour import Display, xyz_from_coefficients, xyz_from_spectrum
 from impasto.colour.adaptation import CONES_FROM_XYZ
 from impasto.colour.illuminants import SECOND_RADIATION_CONSTANT
 from impasto.colour.observers import STANDARD_OBSERVER, matching_functions
+from impasto.colour.primaries import primary_spectra
 from impasto.colour.temperature import correlated_temperature
 from impasto.colour.wavelengths import interpolation_matrix
-from impasto.illumination import MIXING_GRID, lamp_colours
+from impasto.environment import Environment
+from impasto.illumination import MIXING_GRID, channel_colours, lamp_colours
 from impasto.lighting import DENSEST, head_on
 from impasto.rig import FRONTAL, DistantLight
 from impasto.scene import Scene
@@ -111,9 +113,18 @@ def _illuminants(reflectance: Any, bands: int) -> list[dict[str, Any]]:
                 else float(correlated_temperature(name).temperature),
                 "diffuse": _rows(matrices[0].T),
                 "interface": _numbers(interface[0]),
+                "channels": _channels(name, reflectance, bands),
             }
         )
     return found
+
+
+def _channels(name: str, reflectance: Any, bands: int) -> dict[str, Any]:
+    """Of the channels of an environment, whose maps do not count here: matrices and XYZ."""
+    even = Environment(np.full((3, 1, 2), 1.0 / np.pi, np.float32))
+    scene = Scene(environment=even, illuminant=name)
+    found = channel_colours(scene, reflectance, bands, FRONTAL)
+    return {"diffuse": [_rows(one.T) for one in found.diffuse], "interface": _rows(found.interface)}
 
 
 def _coat(name: str, label: str, coat: Varnish, reflectance: Any) -> dict[str, Any]:
@@ -131,9 +142,28 @@ def _coat(name: str, label: str, coat: Varnish, reflectance: Any) -> dict[str, A
             xyz_from_coefficients(basis * np.exp(-path * absorption), MIXING_GRID, one)
             for path in paths
         ]
+        parts = primary_spectra(one, MIXING_GRID)
+        luminosity = np.asarray(xyz_from_spectrum(MIXING_GRID, np.ones(MIXING_GRID.size))[1])
+        shares = parts @ luminosity / (parts.sum(axis=0) @ luminosity)
+        channels = [
+            [
+                _rows(
+                    share
+                    * xyz_from_coefficients(
+                        basis * np.exp(-path * absorption),
+                        MIXING_GRID,
+                        (MIXING_GRID, part),
+                        test=one,
+                    ).diffuse
+                )
+                for share, part in zip(shares, parts, strict=True)
+            ]
+            for path in paths
+        ]
         films[one] = {
             "diffuse": [_rows(fold.diffuse) for fold in folds],
             "interface": _numbers(folds[0].interface),
+            "films": channels,
         }
     return {
         "name": name,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol, TypedDict
 
 from numpy.typing import ArrayLike
@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike
 from impasto._internal.checks import length_mm
 from impasto._internal.windows import Window
 from impasto.bands import Camera
+from impasto.environment import Environment
 from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.rti import RelightableImage
 from impasto.pictures import STATUS_COLOURS, colour_ramp
 from impasto.status import Status
 from impasto.surface import Relightable
+from impasto.viewer.environments import Environments
 from impasto.viewer.layout import SHOWN, UNIT, UNREAD
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
@@ -32,6 +34,7 @@ FORMAT = 1
 AGAINST = "against/"
 """Before the names of the tiles of the painting that is shown beside."""
 TILE = re.compile(rf"({AGAINST})?tiles/(\d{{1,2}})/(\d{{1,6}})-(\d{{1,6}})")
+ENVIRONMENT = re.compile(r"environments/(\d{1,2})")
 PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
 
 
@@ -48,6 +51,7 @@ class ContentsOptions(TypedDict, total=False):
     title: str
     pitch_mm: float | None
     height: ArrayLike | None
+    environments: Sequence[Environment]
     threads: int | None
 
 
@@ -123,6 +127,9 @@ class Contents:
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
         surface, otherwise the normals, integrated about the plane of the panel. Of a store they
         are those of a small scale.
+    environments
+        Others than those that impasto contains, to light the painting with; a relightable image
+        knows none.
     threads
         None means every allowed core.
 
@@ -147,6 +154,7 @@ class Contents:
         title: str = "",
         pitch_mm: float | None = None,
         height: ArrayLike | None = None,
+        environments: Sequence[Environment] = (),
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
@@ -159,6 +167,8 @@ class Contents:
         self._paintings = [painting] if other is None else [painting, other]
         self._scales = painting.scales if other is None else _common(painting, other)
         rows, columns = self._scales[0].shape
+        relightable = isinstance(painting, RelightablePainting)
+        self._environments = None if relightable else Environments(environments)
         self._photographs = Photographs(stack, shown, (rows, columns), painting.shown_bands)
         common = {
             "format": FORMAT,
@@ -174,6 +184,7 @@ class Contents:
             "unread": UNREAD,
             "pitch": painting.pitch_mm if pitch is None else pitch,
             "light": list(FIRST_LIGHT),
+            "environments": [] if self._environments is None else self._environments.records,
             "statuses": _statuses(),
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
             "photographs": self._photographs.records,
@@ -199,6 +210,8 @@ class Contents:
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
         yield from ("index.html", "style.css", "viewer.js", "document.js", "effects.js")
+        rooms = 0 if self._environments is None else len(self._environments)
+        yield from (f"environments/{number}.js" for number in range(rooms))
         yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
         for number, scale in reversed(list(enumerate(self._scales))):
             rows, columns = scale.tiles
@@ -232,6 +245,9 @@ class Contents:
             which = int(found[1] is not None)
             number, row, column = map(int, found.groups()[1:])
             return lambda: self._tile(which, number, row, column)
+        if (found := ENVIRONMENT.fullmatch(name)) and (rooms := self._environments) is not None:
+            chosen = int(found[1])
+            return lambda: rooms.data(chosen)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
             return lambda: self._photographs.png(number)

@@ -21,6 +21,7 @@ MODULES = (
     "state",
     "tiles",
     "values",
+    "prefilter",
     "shader",
     "renderer",
     "plots",
@@ -46,6 +47,10 @@ IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class|let)\b)", re.MULTILINE)
 
 
+COMMENT = re.compile(r"^//.*\n", re.MULTILINE)
+INDENTED = re.compile(r"^[ ]+|^\n", re.MULTILINE)
+
+
 def page_file(name: str) -> str:
     """The text of a file of the page."""
     return (resources.files("impasto.viewer") / "page" / name).read_text(encoding="utf-8")
@@ -53,7 +58,7 @@ def page_file(name: str) -> str:
 
 @cache
 def script(form: Form = "classic") -> str:
-    """All modules in one script.
+    """All modules in one script, without comments and indentation, which are for their authors.
 
     Parameters
     ----------
@@ -78,7 +83,7 @@ def script(form: Form = "classic") -> str:
         if found := re.search(r"^(?:import|export)\b.*$", text, re.MULTILINE):
             raise ValueError(f"{name}.js: {found[0]!r} cannot be joined")
         joined.append(text)
-    body = "\n".join(joined)
+    body = COMMENT.sub("", INDENTED.sub("", "\n".join(joined)))
     if form == "module":
         return f"{body}\nexport {{ {ENTRY} }};\n"
     if form == "notebook":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.printable import printable
 from impasto.bands import Camera
+from impasto.environment import Environment
 from impasto.errors import ArgumentError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -20,7 +22,7 @@ from impasto.viewer.contents import AGAINST, Contents, Shown
 MARK = b"window.impasto = "
 """How the document of a site begins."""
 OWN = {"index.html", "style.css", "viewer.js", "document.js", "effects.js"}
-OWN |= {"tiles", "photographs", AGAINST.rstrip("/")}
+OWN |= {"tiles", "photographs", "environments", AGAINST.rstrip("/")}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""
@@ -62,6 +64,7 @@ def write_site(
     title: str = "",
     pitch_mm: float | None = None,
     height: ArrayLike | None = None,
+    environments: Sequence[Environment] = (),
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Site:
@@ -102,6 +105,8 @@ def write_site(
         ``(y, x)`` mm, for the layer of heights and for views from the side; default: that of the
         surface, otherwise the normals, integrated about the plane of the panel. Of a store they
         are those of a small scale.
+    environments
+        Others than those that impasto contains, to light the painting with.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)`` in files.
 
@@ -131,6 +136,7 @@ def write_site(
         title=title,
         pitch_mm=pitch_mm,
         height=height,
+        environments=environments,
         threads=threads,
     )
     names = list(contents.names())

@@ -80,6 +80,23 @@ export function displayColours(colours, { illuminant, adaptation, varnish, cosin
   };
 }
 
+// The same of the three channels of an environment, under which a white board that faces the viewer gets `board`.
+export function channelColours(colours, { illuminant, adaptation, varnish, exposure, height, board }) {
+  const light = colours.illuminants.find(one => one.name === illuminant) ?? colours.illuminants[0];
+  let { diffuse, interface: faces } = light.channels;
+  if (varnish) {
+    // Light of a room comes from everywhere: on average at 60 degrees, whose cosine is 1/2.
+    const path = pathThrough(varnish.index, 0.5) + pathThrough(varnish.index, height), { films } = varnish.films[light.name];
+    diffuse = diffuse.map((matrix, c) => matrix.map((row, i) => row.map((_, k) => interpolated(varnish.paths, films.map(film => film[c][i][k]), path))));
+  }
+  let display = colours.linear_from_xyz;
+  if (colours.adaptation && adaptation !== null) display = product(display, adaptationMatrix(colours.adaptation, light.kelvin, adaptation));
+  faces = faces.map(face => applied(display, face));
+  const white = faces[0].map((_, i) => faces.reduce((sum, face, c) => sum + board[c] * face[i], 0));
+  const factor = 2 ** exposure / Math.max(...white, 1e-9);
+  return { factor, diffuse: diffuse.map(matrix => product(display, matrix).map(row => row.map(value => factor * value))), interface: faces.map(face => face.map(value => factor * value)) };
+}
+
 export const encodeSrgb = light => {
   const value = Math.min(Math.max(light, 0), 1);
   return value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;

@@ -1,6 +1,7 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
-import { adaptedTemperature } from "./colour.js";
+import { adaptedTemperature, encodeSrgb } from "./colour.js";
+import { rotationOf } from "./prefilter.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { codesOf, labOf, spectrumOf } from "./values.js";
@@ -21,6 +22,8 @@ export function h(name, attributes = {}, ...children) {
 const degrees = value => `${Math.round(value)}°`;
 const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
 export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${SIDES[Math.round(azimuth / 45) % 8]}`}, ${degrees(elevation)} high`;
+
+export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°`;
 
 export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
 
@@ -79,6 +82,33 @@ function dome(app) {
   } };
 }
 
+// An environment as somebody at the painting sees it who looks into the room; it is turned by dragging.
+function roomView(app) {
+  const [width, height] = [288, 144], picture = h("canvas", { width, height, className: "room", "aria-hidden": "true" });
+  let last = "", from = null;
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); from = event.clientX; app.moving(true); });
+  picture.addEventListener("pointermove", event => {
+    if (from === null) return;
+    app.rotate(180 * (from - event.clientX) / picture.clientWidth);
+    from = event.clientX;
+  });
+  picture.addEventListener("lostpointercapture", () => { from = null; app.moving(false); });
+  return { element: picture, update: state => {
+    const room = app.renderer.environments.get(state.environment), key = `${state.environment} ${state.rotation} ${Boolean(room)}`;
+    picture.hidden = state.environment === "none";
+    if (key === last || !room) return;
+    last = key;
+    const data = new ImageData(width, height), most = Math.max(...room.board(state.rotation)), rows = rotationOf(room.record, state.rotation);
+    for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
+      const longitude = ((x + 0.5) / width - 0.5) * Math.PI, latitude = (0.5 - (y + 0.5) / height) * Math.PI / 2, flat = Math.cos(latitude);
+      const towards = [-Math.sin(longitude) * flat, Math.sin(latitude), Math.cos(longitude) * flat];
+      const light = room.at([0, 1, 2].map(i => rows[0][i] * towards[0] + rows[1][i] * towards[1] + rows[2][i] * towards[2]));
+      data.data.set([...light.map(value => 255 * encodeSrgb(1.5 * value / (most + value))), 255], 4 * (y * width + x));
+    }
+    picture.getContext("2d").putImageData(data, 0, 0);
+  } };
+}
+
 function lightSection(app, updates) {
   const { doc } = app, pad = dome(app);
   const number = (text, name, low, high, from = value => value, to = value => value) => {
@@ -87,7 +117,7 @@ function lightSection(app, updates) {
     updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(state[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
-  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1 }) }, text);
+  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1, environment: "none" }) }, text);
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
   const clipped = check("Mark what is clipped", on => app.set({ clipped: on }));
   const marks = h("p", { className: "faint" }, "Red stripes: brighter than the display's white. Blue: more saturated than it can show.");
@@ -107,10 +137,24 @@ function lightSection(app, updates) {
     updates.push(state => { lamp.update(state.near !== null); distance.element.hidden = state.near === null; distance.update(Math.log10(state.near ?? first)); });
     near.push(lamp.element, distance.element);
   }
-  return section("Light", true, h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
+  const light = choice("Light from", [{ name: "none", label: "Lamp" }, ...doc.environments.map(({ name, label }) => ({ name, label }))],
+    environment => app.set({ environment, photograph: -1, against: false, near: null, exposure: 0 }));
+  light.element.classList.add("columns");
+  const turning = slider("Turned", { min: -180, max: 180, step: 1 }, value => app.set({ rotation: (value + 360) % 360 }), degrees);
+  const view = roomView(app), lamp = h("div", { className: "stack" });
+  turning.input.addEventListener("pointerdown", () => app.moving(true));
+  for (const name of ["pointerup", "pointercancel"]) turning.input.addEventListener(name, () => app.moving(false));
+  updates.push(view.update, state => {
+    light.update(state.environment);
+    turning.update(state.rotation > 180 ? state.rotation - 360 : state.rotation);
+    turning.element.hidden = state.environment === "none";
+    lamp.hidden = state.environment !== "none";
+  });
+  lamp.append(h("div", { className: "lightbox" }, pad.element, h("div", { className: "stack" },
     number("Direction", "azimuth", 0, 360, value => app.onPainting(value), value => app.onPage(value)), number("Height", "elevation", LOWEST, 90))),
   h("div", { className: "presets" }, preset("Above", 90, 45), preset("In front", 90, 90), preset("Raking ←", 180, 10, "Raking light from the left"), preset("Raking →", 0, 10, "Raking light from the right")),
-  ...near, exposure.element, clipped.element, marks);
+  ...near);
+  return section("Light", true, light.element, view.element, turning.element, lamp, exposure.element, clipped.element, marks);
 }
 
 function colourSection(app, updates) {

@@ -34,6 +34,7 @@ function modelSource(model) {
     tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
     effects: () => load("effects").then(jsonOf),
     photograph: number => load(`photographs/${number}`).then(pictureOf),
+    environment: number => load(`environments/${number}`).then(decompressed),
     close: () => model.off("msg:custom", answer),
   };
 }

@@ -36,6 +36,11 @@ export class Pointer {
     app.element.addEventListener("keydown", event => this.key(event));
   }
 
+  // An environment turns by half of a circle over the width of the canvas.
+  turn(before, now) {
+    this.app.rotate(180 * (now[0] - before[0]) / this.app.canvas.width);
+  }
+
   // The light by where the pointer is on the canvas: its middle is in front, the nearer edge grazes.
   light([x, y]) {
     const { width, height } = this.app.canvas, reach = 0.48 * Math.min(width, height);
@@ -62,7 +67,7 @@ export class Pointer {
     this.from = at;
     if (this.action === "light") {
       app.moving(true);
-      this.light(at);
+      if (app.state.environment === "none") this.light(at);
     }
     if (this.action === "inspect") this.inspect(at);
   }
@@ -78,7 +83,8 @@ export class Pointer {
       app.zoomTo(app.view[2] * far(now) / Math.max(far(before), 1), middle);
     }
     if (this.action === "move") this.pan(before, now);
-    if (this.action === "light") this.light(now);
+    if (this.action === "light" && app.state.environment !== "none") this.turn(before, now);
+    else if (this.action === "light") this.light(now);
     if (this.action === "inspect") this.inspect(now);
     if (this.action === "note") {
       const [a, b] = [app.place(this.from), app.place(now)];
@@ -108,7 +114,7 @@ export class Pointer {
     const acts = {
       "+": () => app.zoomTo(1.25 * app.view[2]), "=": () => app.zoomTo(1.25 * app.view[2]), "-": () => app.zoomTo(app.view[2] / 1.25),
       0: () => app.fit(), 1: () => app.zoomTo(1), h: () => app.togglePanel(), t: () => app.turn90(), p: () => app.copyLink(), s: () => app.savePicture(),
-      r: () => app.set({ azimuth: state.elevation <= 12 ? (state.azimuth + 45) % 360 : app.onPainting(180), elevation: 10, exposure: RAKING_STOPS, photograph: -1 }),
+      r: () => app.set({ azimuth: state.elevation <= 12 ? (state.azimuth + 45) % 360 : app.onPainting(180), elevation: 10, exposure: RAKING_STOPS, photograph: -1, environment: "none" }),
       ...Object.fromEntries(TOOLS.map(([name, , key]) => [key.toLowerCase(), () => app.choose(name)])),
     };
     const act = acts[event.key.toLowerCase()];

@@ -1,11 +1,12 @@
 // WebGL 2: tiles as textures, each lit once per change of the light, then shown at any zoom.
 
-import { displayColours } from "./colour.js";
+import { channelColours, displayColours } from "./colour.js";
 import { groupsOf } from "./half.js";
 import { planeWeights } from "./basis.js";
 import { fresnel } from "./values.js";
 import { QUALITY, directionOf } from "./state.js";
-import { VERTEX, fragment, showFragment, showVertex } from "./shader.js";
+import { COATED, FRESNEL, VERTEX, fragment, showFragment, showVertex } from "./shader.js";
+import { Prefilter } from "./prefilter.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
 const SHARP = 4; // pixels of the canvas that one of a map is wide, from which on it keeps its edges
@@ -23,6 +24,7 @@ export class Renderer {
     this.version = 0;
     this.heights = doc.groups.findIndex(group => group.planes.includes("height"));
     this.ranges = { ...Object.fromEntries(doc.quality.map(name => [name, QUALITY[name].ends])), width: [-12, 0], strength: [-12, 0], height: [0, 1] };
+    this.environments = new Map(); // name: EnvironmentMap
     this.restart();
   }
 
@@ -32,6 +34,7 @@ export class Renderer {
     this.textures.clear();
     this.programs = new Map();
     this.light = null;
+    this.prefilter = null;
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.ramp = this.row(this.doc.ramp);
     const statuses = Array.from({ length: 256 }, (_, code) => this.doc.statuses[code]?.colour ?? [255, 0, 255]);
@@ -152,8 +155,13 @@ export class Renderer {
     return { view, towards, light: [...towards.map(value => value * state.near), 1], falloff: state.near, intensity: 1 };
   }
 
-  // From now on tiles are lit as a state says.
-  setState(state) {
+  // The environment that lights a state, if it has been loaded.
+  environmentOf(state) {
+    return state.layer === "picture" && state.photograph < 0 ? this.environments.get(state.environment) ?? null : null;
+  }
+
+  // From now on tiles are lit as a state says. `moving`: by coarser tables of an environment. `linear`: see the shader.
+  setState(state, { moving = false, linear = false } = {}) {
     const gl = this.gl, doc = this.doc;
     const coat = doc.colours.varnishes.find(one => one.name === state.varnish) ?? null;
     const { view, towards, light, falloff, intensity } = this.geometry(state);
@@ -163,7 +171,13 @@ export class Renderer {
       cosines: [towards[2], view[2] / far], intensity: state.photograph >= 0 ? 1 : intensity,
     });
     this.colours = colours;
-    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0, nearView: view[3] > 0 } : {}) };
+    const environment = this.environmentOf(state), index = coat ? coat.index : doc.index, coatScale = 2 / (1 - ((index - 1) / (index + 1)) ** 2);
+    const eye = view.slice(0, 3).map(value => value / far);
+    if (environment) {
+      this.prefilter ??= new Prefilter(this, { fresnel: FRESNEL, coated: doc.coated ? COATED : "" });
+      this.prefilter.make(environment, { degrees: state.rotation, view: eye, index, coatScale, moving });
+    }
+    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear } : {}) };
     this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
     const { program, at } = this.light;
     gl.useProgram(program);
@@ -174,7 +188,6 @@ export class Renderer {
     gl.uniform1f(at("uFalloff"), falloff);
     gl.uniform1f(at("uIntensity"), intensity);
     gl.uniform3fv(at("uView"), view.slice(0, 3).map(value => (view[3] ? value : value / far)));
-    const index = coat ? coat.index : doc.index;
     if (!light[3] && !view[3]) {
       const sum = light.slice(0, 3).map((value, i) => value + view[i] / far), extent = Math.hypot(...sum);
       // Lamp and eye face each other: there is no half vector, and nothing is mirrored.
@@ -190,12 +203,19 @@ export class Renderer {
     const flat = displayColours(doc.colours, { illuminant: doc.colours.illuminants[0].name, adaptation: null, varnish: null, exposure: 0, intensity: 1 });
     gl.uniform3fv(at("uFlat"), columns(flat.diffuse));
     gl.uniform1f(at("uIndex"), index);
-    gl.uniform1f(at("uCoatScale"), 2 / (1 - ((index - 1) / (index + 1)) ** 2));
+    gl.uniform1f(at("uCoatScale"), coatScale);
     for (const name of ["matte", "gloss", "ambient"]) gl.uniform1f(at(`u${name[0].toUpperCase()}${name.slice(1)}`), state[name] ? 1 : 0);
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
     gl.uniform1i(at("uClipped"), state.clipped ? 1 : 0);
+    if (environment) {
+      this.prefilter.bind(at);
+      const lit = channelColours(doc.colours, { illuminant: state.illuminant, adaptation: state.adaptation, varnish: coat, exposure: state.exposure, height: eye[2], board: environment.board(state.rotation) });
+      this.colours.factor = lit.factor;
+      gl.uniform3fv(at("uChannels"), lit.diffuse.flatMap(columns));
+      gl.uniform3fv(at("uFaces"), lit.interface.flat());
+    }
     this.version++;
   }
 

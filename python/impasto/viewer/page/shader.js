@@ -3,6 +3,7 @@
 // graphics card runs both sides of every branch.
 
 import { DECODED, weightedSum } from "./basis.js";
+import { LOOKUPS, PROJECTED, SPREADS } from "./prefilter.js";
 import { shapeNames } from "./values.js";
 
 export const VERTEX = `#version 300 es
@@ -15,15 +16,17 @@ void main() {
 // Colours of stripes where the display clips: brighter than its white, or more saturated than its primaries.
 export const MARKS = { bright: "1.0, 0.0, 0.3", outside: "0.1, 0.4, 1.0" };
 
-const MODELS = {
-  "torrance-sparrow": `
+export const FRESNEL = `
 float fresnel(float c) {
   float q = sqrt(uIndex * uIndex + c * c - 1.0);
   float sum = q + c, difference = q - c;
   float perpendicular = difference / sum;
   float parallel = (c * sum - 1.0) / (c * difference + 1.0);
   return 0.5 * perpendicular * perpendicular * (parallel * parallel + 1.0);
-}
+}`;
+
+const MODELS = {
+  "torrance-sparrow": `
 // phi^2 from 1 - cos(phi): nothing is lost near 0, as the arc cosine would.
 float phiSquared(float e) {
   float sum = 6.2160062160e-4;
@@ -89,7 +92,7 @@ float naturalLogarithm(float x) {
   return e * 0.693359375 + (f + (-0.5 * square + (tail * f * square - e * 2.1219444005469058e-4)));
 }`;
 
-const COATED = `
+export const COATED = `
 // Wolff's model [wolff1994diffuse]: what a smooth interface lets in and out, relative to normal incidence.
 float transmission(float cosine) {
   float c = max(cosine, 1e-4);
@@ -108,8 +111,9 @@ function plane(doc, name) {
   throw new Error(`no plane ${name}`);
 }
 
-// `coat`, `near` and `nearView`: whether there is a varnish, whether lamp and eye are places.
-export function fragment(doc, { layer, coat, near, nearView }) {
+// `coat`, `near` and `nearView`: whether there is a varnish, whether lamp and eye are places. `environment`: whether
+// light comes from one in place of a lamp. `linear`: light of the display as it is, instead of its codes.
+export function fragment(doc, { layer, coat, near, nearView, environment, linear }) {
   const k = doc.coefficients, mirror = doc.model === "lafortune", picture = layer === "picture";
   const used = new Set(["flags"]);
   const read = name => {
@@ -119,7 +123,7 @@ export function fragment(doc, { layer, coat, near, nearView }) {
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
-    picture: () => (doc.basis ? relit(doc, read) : lit(doc, { coat, near, nearView, mirror, read, sum })),
+    picture: () => (doc.basis ? relit(doc, read) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, linear })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
@@ -167,12 +171,20 @@ uniform vec4 uCoat;       // strength and shape of the varnish's lobe
 uniform vec2 uBeneath;    // what it leaves of the lobes: a share, and more of it where they are metal's
 uniform vec2 uRange;
 uniform bool uClipped;    // mark what the display cannot show
+${environment ? `uniform sampler2D uIrradiance;
+uniform sampler2DArray uLobes0;
+uniform sampler2DArray uLobes1;
+uniform sampler2DArray uLobes2;
+uniform vec3 uChannels[${3 * k}]; // of the environment, each as uDiffuse and uInterface
+uniform vec3 uFaces[3];` : ""}
 out vec4 shown;
 
 vec3 n, light, view;
+vec2 place;
 ${picture && mirror ? LOGARITHM : ""}
-${picture ? MODELS[doc.model] ?? DECODED : ""}
+${picture && !environment ? `${mirror || doc.basis ? "" : FRESNEL}${MODELS[doc.model] ?? DECODED}` : ""}
 ${picture && doc.coated ? COATED : ""}
+${environment ? `${PROJECTED}${LOOKUPS[doc.model]}` : ""}
 vec3 encoded(vec3 linear) {
   vec3 value = clamp(linear, 0.0, 1.0);
   return mix(12.92 * value, 1.055 * pow(max(value, 1e-6), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, value));
@@ -196,14 +208,14 @@ ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
 }
 
 // From linear light to the display.
-const FINISHED = `  shown = vec4(encoded(colour), 1.0);
+const SHOWN = `shown = vec4(encoded(colour), 1.0);
   if (uClipped && ((at.x + at.y) & 3) < 2) {
     if (max(colour.r, max(colour.g, colour.b)) > 1.0) shown.rgb = vec3(${MARKS.bright});
     else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
   }`;
 
 // The light of a lamp that a pixel reflects.
-function lit(doc, { coat, near, nearView, mirror, read, sum }) {
+function lit(doc, { coat, near, nearView, mirror, read, sum, linear }) {
   const lobes = doc.lobes.map((lobe, number) => {
     const shape = shapeNames(doc).map(name => read(name + number));
     const value = `${coat ? "kept * " : ""}uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
@@ -212,12 +224,12 @@ function lit(doc, { coat, near, nearView, mirror, read, sum }) {
   });
   return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
   float reach = uIntensity;
-${near || nearView ? "  vec3 place = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
-${near ? `  vec3 way = uLight - place;
+${near || nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
+${near ? `  vec3 way = uLight - at_mm;
   float inverse = inversesqrt(dot(way, way));
   light = way * inverse;
   if (uFalloff > 0.0) reach *= uFalloff * uFalloff * inverse * inverse;` : "  light = uLight;"}
-  view = ${nearView ? "normalize(uView - place)" : "uView"};
+  view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
   float cosine = max(dot(n, light), 0.0);
 ${doc.coated ? `  float n_v = dot(n, view);
   cosine = cosine > 0.0 && n_v > 0.0 ? cosine * transmission(cosine) * transmission(n_v) : 0.0;` : ""}
@@ -228,14 +240,38 @@ ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-${FINISHED}`;
+  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
 }
 
 // What a relightable image shows, whose functions know the direction of the light alone.
 function relit(doc, read) {
   return `${weightedSum(doc.basis, read)}
   colour *= uFactor;
-${FINISHED}`;
+  ${SHOWN}`;
+}
+
+// The light of an environment that a pixel reflects: of each channel its irradiance and what the lobes mirror.
+function surrounded(doc, { coat, nearView, mirror, read, sum, linear }) {
+  const channels = prefix => Array.from({ length: doc.coefficients }, (_, i) =>
+    `${read(prefix + i)} * (e.r * uChannels[${i}] + e.g * uChannels[${doc.coefficients + i}] + e.b * uChannels[${2 * doc.coefficients + i}])`).join(" + ");
+  const kept = coat ? "kept * " : "";
+  const lobes = doc.lobes.map((lobe, number) => {
+    const shape = [...shapeNames(doc).map(name => read(name + number)), "0.0", "0.0"].slice(0, 3).join(", ");
+    if (lobe.tinted) return `  e = ${kept}uGloss * reflected(${shape});\n  colour += ${channels(`strength${number}_`)};`;
+    return `  specular += ${kept}uGloss * ${read(`strength${number}_0`)} * reflected(${shape});`;
+  });
+  return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
+${nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
+  view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
+  vec3 e = uMatte * texture(uIrradiance, projected(n, ${SPREADS.irradiance.toFixed(1)})).rgb;
+${doc.coated ? "  float n_v = dot(n, view);\n  e *= n_v > 0.0 ? transmission(n_v) : 0.0;" : ""}
+  vec3 colour = ${channels("diffuse")}, specular = vec3(0.0);
+  place = projected(n, ${SPREADS.lobes});
+${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
+${lobes.join("\n")}
+${coat ? "  specular += uGloss * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
+  colour += specular.r * uFaces[0] + specular.g * uFaces[1] + specular.b * uFaces[2];
+  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
 }
 
 // Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is

@@ -24,6 +24,8 @@ export const QUALITY = {
 export function firstState(doc) {
   return {
     ...anglesOf(doc.light),
+    environment: "none", // by name; none: a lamp
+    rotation: 0, // degrees by which the environment is turned
     near: null, // mm from the painting's middle to a near lamp; null: a distant one
     illuminant: doc.colours.illuminants[0].name,
     adaptation: null,
@@ -53,6 +55,7 @@ export function textOfState(state, doc) {
   const first = firstState(doc), words = [];
   const add = (name, text) => words.push(`${name}=${text}`);
   add("light", `${short(state.azimuth)},${short(state.elevation)}`);
+  if (state.environment !== "none") add("environment", `${encodeURIComponent(state.environment)},${short(state.rotation)}`);
   if (state.near !== null) add("near", short(state.near));
   if (state.illuminant !== first.illuminant) add("illuminant", encodeURIComponent(state.illuminant));
   if (state.adaptation !== null) add("d", short(state.adaptation, 3));
@@ -88,6 +91,11 @@ export function stateOfText(text, doc) {
   const one = (name, allowed, usual) => (allowed.includes(given.get(name)) ? given.get(name) : usual);
   const light = numbers("light", [[-360, 720], [LOWEST, 90]]);
   if (light) [state.azimuth, state.elevation] = [(light[0] + 360) % 360, light[1]];
+  const [room, rotation] = (given.get("environment") ?? "").split(",");
+  if (doc.environments.some(one => encodeURIComponent(one.name) === room)) {
+    state.environment = decodeURIComponent(room);
+    if (rotation && Number.isFinite(Number(rotation))) state.rotation = (Number(rotation) % 360 + 360) % 360;
+  }
   if (doc.pitch) state.near = numbers("near", [[1, 1e6]])?.[0] ?? null;
   state.illuminant = one("illuminant", doc.colours.illuminants.map(light => light.name), state.illuminant);
   if (doc.colours.adaptation) state.adaptation = numbers("d", [[0, 1]])?.[0] ?? null;

@@ -26,6 +26,7 @@ export function scriptSource(folder) {
     effects: () => load("effects").then(jsonOf),
     // An image from a file would not be readable by WebGL: a page from a disk has no origin.
     photograph: number => load(`photographs/${number}`).then(pictureOf),
+    environment: number => load(`environments/${number}`).then(decompressed),
   };
 }
 

@@ -6,8 +6,9 @@ import { Geometry } from "./geometry.js";
 import { Pointer, TOOLS } from "./pointer.js";
 import { pixelValues, rangesOf } from "./values.js";
 import { svg } from "./plots.js";
+import { EnvironmentMap } from "./prefilter.js";
 import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
-import { anglesFromPlane, h, lightWords, panel } from "./controls.js";
+import { anglesFromPlane, h, lightWords, panel, roomWords } from "./controls.js";
 import { download, noteDialog, upright } from "./saving.js";
 import { directionOf, firstState, layersOf, stateOfText, textOfState } from "./state.js";
 
@@ -60,6 +61,7 @@ export class Viewer extends Geometry {
     if (this.state.pixel) this.inspect(...this.state.pixel);
   }
 
+
   build() {
     const { doc } = this, title = doc.title || "A painting";
     this.host.title(doc.title ? `${doc.title} – impasto` : "impasto");
@@ -92,11 +94,38 @@ export class Viewer extends Geometry {
   changed() {
     if (!this.renderer) return;
     this.stale = true;
+    this.environment();
     this.panel.update(this.state);
-    this.readout.textContent = this.state.photograph >= 0 ? `The lamp of photograph no. ${this.doc.photographs[this.state.photograph].number + 1}` : lightWords(this.onPage(this.state.azimuth), this.state.elevation);
+    this.readout.textContent = this.state.photograph >= 0 ? `The lamp of photograph no. ${this.doc.photographs[this.state.photograph].number + 1}` : this.state.environment !== "none" ? roomWords(this.doc, this.state) : lightWords(this.onPage(this.state.azimuth), this.state.elevation);
     this.redraw();
     clearTimeout(this.linking);
     this.linking = setTimeout(() => this.link(), 250);
+  }
+
+  // The environment of the state, loaded when it is first needed.
+  environment() {
+    const number = this.doc.environments.findIndex(one => one.name === this.state.environment);
+    if (number < 0) return Promise.resolve(null);
+    const record = this.doc.environments[number];
+    this.maps ??= new Map();
+    if (!this.maps.has(number)) {
+      const loaded = this.source.environment(number).then(buffer => {
+        this.renderer.environments.set(record.name, new EnvironmentMap(record, buffer));
+        this.changed();
+      });
+      this.maps.set(number, loaded);
+      loaded.catch(error => {
+        this.maps.delete(number);
+        console.error(error);
+        this.set({ environment: "none" });
+        this.say("The environment could not be loaded.");
+      });
+    }
+    return this.maps.get(number);
+  }
+
+  rotate(degrees) {
+    this.set({ rotation: ((this.state.rotation + degrees) % 360 + 360) % 360 });
   }
 
   link() {
@@ -108,7 +137,7 @@ export class Viewer extends Geometry {
   // By a place in the unit circle of the page: right and up.
   lightAt(x, y) {
     const { azimuth, elevation } = anglesFromPlane(x, y);
-    this.set({ azimuth: this.onPainting(azimuth), elevation, photograph: -1 });
+    this.set({ azimuth: this.onPainting(azimuth), elevation, photograph: -1, environment: "none" });
   }
 
   turn90() {
@@ -117,6 +146,13 @@ export class Viewer extends Geometry {
 
   lightKey(event) {
     const step = event.shiftKey ? 1 : 5, { azimuth, elevation } = this.state;
+    const around = { ArrowLeft: -step, ArrowRight: step }[event.key];
+    if (this.state.environment !== "none" && around) {
+      event.preventDefault();
+      event.stopPropagation();
+      this.rotate(around);
+      return true;
+    }
     const [x, y] = directionOf(this.onPage(azimuth), elevation);
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const move = moves[event.key];
@@ -201,7 +237,7 @@ export class Viewer extends Geometry {
     // Layers of both paintings are shown on the same ramps.
     const other = this.beside;
     if (other) other.ranges = this.renderer.ranges;
-    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state);
+    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state, { moving: this.dragging });
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
     const finest = this.wanted(0), coarse = this.wanted(this.coarse);
@@ -300,6 +336,7 @@ export class Viewer extends Geometry {
     this.dragging = on;
     if (on) return;
     this.coarse = 0;
+    if (this.state.environment !== "none") this.stale = true;
     this.redraw();
   }
 
@@ -339,7 +376,7 @@ export class Viewer extends Geometry {
 
   // A photograph by its number, the other painting, or nothing.
   compareWith(number, against = false) {
-    this.set({ photograph: number, against, ...(number >= 0 ? { layer: "picture", tilt: 0 } : {}) });
+    this.set({ photograph: number, against, ...(number >= 0 ? { layer: "picture", tilt: 0, environment: "none" } : {}) });
     if (number < 0 || this.renderer.photographs.has(number)) return;
     this.source.photograph(number).then(image => {
       this.renderer.photograph(number, image);
@@ -400,6 +437,7 @@ export class Viewer extends Geometry {
 
   // All of the painting at a scale, as it is lit now, seen from in front.
   async picture(number, changes = {}) {
+    await this.environment();
     const scale = this.doc.scales[number], { side } = this.doc, data = new ImageData(scale.width, scale.height);
     for (let row = 0; row * side < scale.height; row++) for (let column = 0; column * side < scale.width; column++) {
       const name = `${number}/${row}-${column}`, { width, height } = this.sizeOf(name);
