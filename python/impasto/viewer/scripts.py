@@ -17,6 +17,7 @@ from typing import Literal
 MODULES = (
     "colour",
     "half",
+    "exr",
     "basis",
     "state",
     "tiles",

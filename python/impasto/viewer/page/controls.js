@@ -359,7 +359,7 @@ export function panel(app) {
     lightSection(app, updates), colourSection(app, updates), layerSection(app, updates), effectSection(app, updates), viewSection(app, updates),
     compareSection(app, updates), pixelSection(app, updates), noteSection(app),
     section("Hand on", false, h("div", { className: "row wrap" },
-      app.host.link && h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG")),
+      app.host.link && h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG"), h("button", { type: "button", title: "Linear light, for other programs", onclick: () => app.savePicture("exr") }, "Save EXR")),
     app.host.link && h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
     section("Keys", false, h("dl", { className: "keys" }, ...KEYS.filter(([key]) => key !== "P" || app.host.link).flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
   return { element, update: state => updates.forEach(update => update(state)) };

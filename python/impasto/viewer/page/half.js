@@ -7,6 +7,21 @@ export function fromHalf(bits) {
   return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
 }
 
+const SINGLE = new Float32Array(1), BITS = new Uint32Array(SINGLE.buffer);
+
+// The nearest number in half precision, ties to even; beyond its range the largest, as a picture knows no infinity.
+export function toHalf(value) {
+  SINGLE[0] = Math.min(Math.max(value, -65504), 65504);
+  const bits = BITS[0], sign = bits >>> 16 & 0x8000, size = Math.abs(SINGLE[0]);
+  if (!(size > 0)) return sign;
+  if (size < 2 ** -14) {
+    const steps = size * 2 ** 24, whole = Math.floor(steps), over = steps - whole;
+    return sign | whole + (over > 0.5 || (over === 0.5 && whole % 2) ? 1 : 0);
+  }
+  const rest = bits & 0x1fff, short = (bits >>> 13 & 0x3ffff) - (112 << 10);
+  return sign | short + (rest > 0x1000 || (rest === 0x1000 && short & 1) ? 1 : 0);
+}
+
 const BYTES = { int16: 2, half: 2, single: 4 };
 const ARRAYS = { int16: Int16Array, half: Uint16Array, single: Float32Array };
 

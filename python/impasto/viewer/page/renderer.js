@@ -290,6 +290,24 @@ export class Renderer {
     return found;
   }
 
+  // Linear light of a tile in the present state, `(y, x, 4)`, row by row from the top.
+  linear(name) {
+    const gl = this.gl, tile = this.textures.get(name), { frame } = tile;
+    if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("This browser cannot make pictures in linear light.");
+    const picture = this.texture(gl.TEXTURE_2D, gl.NEAREST);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, tile.width, tile.height, 0, gl.RGBA, gl.FLOAT, null);
+    tile.frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, tile.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, picture, 0);
+    this.lit(name);
+    const found = new Float32Array(4 * tile.width * tile.height);
+    gl.readPixels(0, 0, tile.width, tile.height, gl.RGBA, gl.FLOAT, found);
+    gl.deleteFramebuffer(tile.frame);
+    gl.deleteTexture(picture);
+    [tile.frame, tile.key] = [frame, -1];
+    return found;
+  }
+
   // Show tiles on the canvas, in order. `clip`: from pixels of the painting to the canvas, columns of a matrix.
   // `relief`: where heights displace what is seen. `other`: the renderer of another painting that is compared.
   draw(names, { clip, zoom, state, relief, other }) {

@@ -123,7 +123,7 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
-    picture: () => (doc.basis ? relit(doc, read) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, linear })),
+    picture: () => (doc.basis ? relit(doc, read, linear) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, linear })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
@@ -244,10 +244,10 @@ ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse
 }
 
 // What a relightable image shows, whose functions know the direction of the light alone.
-function relit(doc, read) {
+function relit(doc, read, linear) {
   return `${weightedSum(doc.basis, read)}
   colour *= uFactor;
-  ${SHOWN}`;
+  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
 }
 
 // The light of an environment that a pixel reflects: of each channel its irradiance and what the lobes mirror.

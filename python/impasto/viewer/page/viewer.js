@@ -7,6 +7,7 @@ import { Pointer, TOOLS } from "./pointer.js";
 import { pixelValues, rangesOf } from "./values.js";
 import { svg } from "./plots.js";
 import { EnvironmentMap } from "./prefilter.js";
+import { exr } from "./exr.js";
 import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
 import { anglesFromPlane, h, lightWords, panel, roomWords } from "./controls.js";
 import { download, noteDialog, upright } from "./saving.js";
@@ -437,32 +438,46 @@ export class Viewer extends Geometry {
 
   // All of the painting at a scale, as it is lit now, seen from in front.
   async picture(number, changes = {}) {
+    const { width, height } = this.doc.scales[number], data = new ImageData(width, height);
+    await this.fill(data.data, number, changes, name => this.renderer.codes(name));
+    return data;
+  }
+
+  // The same in linear light, `(y, x, 4)`; 1 is the display's white.
+  async linear(number) {
+    const { width, height } = this.doc.scales[number], light = new Float32Array(4 * width * height);
+    await this.fill(light, number, { layer: "picture", clipped: false, photograph: -1 }, name => this.renderer.linear(name), { linear: true });
+    return light;
+  }
+
+  // Fills an array `(y, x, 4)` with a scale, tile by tile.
+  async fill(data, number, changes, read, options = {}) {
     await this.environment();
-    const scale = this.doc.scales[number], { side } = this.doc, data = new ImageData(scale.width, scale.height);
+    const scale = this.doc.scales[number], { side } = this.doc;
     for (let row = 0; row * side < scale.height; row++) for (let column = 0; column * side < scale.width; column++) {
       const name = `${number}/${row}-${column}`, { width, height } = this.sizeOf(name);
       const buffer = await this.tiles.get(name);
       if (!buffer) throw new Error("A part of the painting could not be loaded.");
       if (!this.renderer.has(name)) this.renderer.upload(name, buffer, width, height);
-      this.renderer.setState({ ...this.state, ...changes });
-      const codes = this.renderer.codes(name);
-      for (let y = 0; y < height; y++) data.data.set(codes.subarray(4 * y * width, 4 * (y + 1) * width), 4 * ((row * side + y) * scale.width + column * side));
+      this.renderer.setState({ ...this.state, ...changes }, options);
+      const codes = read(name);
+      for (let y = 0; y < height; y++) data.set(codes.subarray(4 * y * width, 4 * (y + 1) * width), 4 * ((row * side + y) * scale.width + column * side));
       for (const gone of this.renderer.trim(new Set([name]))) this.tiles.forget(gone);
     }
     this.stale = true;
-    return data;
   }
 
-  async savePicture() {
-    const number = this.doc.scales.findIndex(scale => scale.width * scale.height <= LARGEST_PICTURE);
+  // As PNG, or in linear light as EXR.
+  async savePicture(kind = "png") {
+    const most = kind === "png" ? LARGEST_PICTURE : LARGEST_PICTURE / 4;
+    const number = this.doc.scales.findIndex(scale => scale.width * scale.height <= most);
     this.say("Making the picture");
     try {
-      const canvas = await upright(await this.picture(number, { clipped: false }), this.state.turns);
-      canvas.toBlob(blob => {
-        if (!blob) return this.say("The picture is too large for this browser.");
-        download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.png`);
-        return this.say(number ? `Saved at 1/${this.doc.scales[number].factor} of its size.` : "Saved.");
-      });
+      const made = kind === "png" ? await upright(await this.picture(number, { clipped: false }), this.state.turns) : exr(await this.linear(number), this.doc.scales[number], this.state.turns);
+      const blob = kind === "png" ? await new Promise(done => made.toBlob(done)) : made;
+      if (!blob) return this.say("The picture is too large for this browser.");
+      download(blob, `${(this.doc.title || "painting").replace(/[^\p{L}\p{N}]+/gu, "-")}.${kind}`);
+      return this.say(number ? `Saved at 1/${this.doc.scales[number].factor} of its size.` : "Saved.");
     } catch (error) {
       this.say(error.message);
     }
