@@ -48,7 +48,9 @@ def _skylight(x: Planes, y: Planes, z: Planes) -> Planes:
     bars = (np.abs((px + 6.0) % 1.0 - 0.5) > 0.46) | (np.abs(pz % 2.0 - 1.0) > 0.95)
     glass = (which == 3) & (np.abs(px) < 4.5) & (pz > 1.5) & (pz < 12.5)
     light = np.where(which == 3, of_colour((0.3, 0.29, 0.27)), light)
-    return np.where(glass, np.where(bars, of_colour((0.1, 0.1, 0.1)), of_colour((3.1, 3.3, 3.6))), light)
+    return np.where(
+        glass, np.where(bars, of_colour((0.1, 0.1, 0.1)), of_colour((3.1, 3.3, 3.6))), light
+    )
 
 
 def _window(x: Planes, y: Planes, z: Planes) -> Planes:

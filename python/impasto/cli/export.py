@@ -177,6 +177,7 @@ def web(
     encoding: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
+    environment: tuple[Path, ...] = (),
     threads: SomeWhole = None,
     quiet: Flag = False,
 ) -> None:
@@ -194,18 +195,23 @@ def web(
         Above the page; default: the name of the result.
     pitch
         Width of a pixel in mm, if the result does not contain it.
+    environment
+        An .exr or .hdr map to light the painting with, besides the rooms that the page has; may be
+        given several times.
     threads
         Default: every core.
     quiet
         No progress, only errors.
     """
     from impasto.cli.maps import name_of, photographs_beside, shown_result
+    from impasto.environment import Environment
     from impasto.viewer import write_site
 
     check_threads(threads)
     stages = Stages(quiet=quiet)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
+    rooms = [Environment.read(path) for path in environment]
     painting, reflectance = shown_result(result)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.warned(), stages.stage("web page") as stage:
@@ -216,6 +222,7 @@ def web(
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,
+            environments=rooms,
             threads=threads,
             progress=stage.advance,
         )

@@ -21,6 +21,7 @@ def view(
     encoding: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
+    environment: tuple[Path, ...] = (),
     port: int = 0,
     no_browser: Annotated[Flag, Parameter(negative="")] = False,
     threads: SomeWhole = None,
@@ -45,6 +46,9 @@ def view(
         Above the page; default: the name of the result.
     pitch
         Width of a pixel in mm, if the result does not contain it.
+    environment
+        An .exr or .hdr map to light the painting with, besides the rooms that the page has; may be
+        given several times.
     port
         To listen on; default: a free one.
     no_browser
@@ -53,12 +57,14 @@ def view(
         Default: every core.
     """
     from impasto.cli.maps import name_of, photographs_beside, shown_result
+    from impasto.environment import Environment
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
     check_port(port)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
+    rooms = [Environment.read(path) for path in environment]
     stages = Stages(quiet=False)
     with stages.stage("result") as stage:
         painting, reflectance = shown_result(result)
@@ -72,6 +78,7 @@ def view(
             stack=stack,
             title=name_of(result) if title is None else title,
             pitch_mm=pitch,
+            environments=rooms,
             threads=threads,
         )
         stage.note = f"{contents.tiles} tiles"

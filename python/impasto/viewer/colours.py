@@ -25,8 +25,8 @@ from impasto.colour.observers import STANDARD_OBSERVER, matching_functions
 from impasto.colour.primaries import primary_spectra
 from impasto.colour.temperature import correlated_temperature
 from impasto.colour.wavelengths import interpolation_matrix
-from impasto.illumination import MIXING_GRID, channel_colours, lamp_colours
 from impasto.environment import Environment
+from impasto.illumination import MIXING_GRID, channel_colours, lamp_colours
 from impasto.lighting import DENSEST, head_on
 from impasto.rig import FRONTAL, DistantLight
 from impasto.scene import Scene
@@ -147,9 +147,15 @@ def _coat(name: str, label: str, coat: Varnish, reflectance: Any) -> dict[str, A
         shares = parts @ luminosity / (parts.sum(axis=0) @ luminosity)
         channels = [
             [
-                _rows(share * xyz_from_coefficients(
-                    basis * np.exp(-path * absorption), MIXING_GRID, (MIXING_GRID, part), test=one
-                ).diffuse)
+                _rows(
+                    share
+                    * xyz_from_coefficients(
+                        basis * np.exp(-path * absorption),
+                        MIXING_GRID,
+                        (MIXING_GRID, part),
+                        test=one,
+                    ).diffuse
+                )
                 for share, part in zip(shares, parts, strict=True)
             ]
             for path in paths

@@ -21,7 +21,15 @@ from impasto.viewer.contents import Contents
 
 MARK = b"window.impasto = "
 """How the document of a site begins."""
-OWN = {"index.html", "style.css", "viewer.js", "document.js", "tiles", "photographs", "environments"}
+OWN = {
+    "index.html",
+    "style.css",
+    "viewer.js",
+    "document.js",
+    "tiles",
+    "photographs",
+    "environments",
+}
 """What lies in the folder of a site."""
 TOGETHER = 64
 """Files that reach the disk at a time."""

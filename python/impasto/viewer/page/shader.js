@@ -111,8 +111,8 @@ function plane(doc, name) {
 }
 
 // `coat`, `near` and `nearView`: whether there is a varnish, whether lamp and eye are places. `environment`: whether
-// light comes from one in place of a lamp. `linear`: light of the display as it is, instead of its codes.
-export function fragment(doc, { layer, coat, near, nearView, environment, linear }) {
+// light comes from one in place of a lamp.
+export function fragment(doc, { layer, coat, near, nearView, environment }) {
   const k = doc.coefficients, mirror = doc.model === "lafortune", picture = layer === "picture";
   const used = new Set(["flags"]);
   const read = name => {
@@ -122,7 +122,7 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
-    picture: () => (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, linear }),
+    picture: () => (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum }),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
@@ -212,7 +212,7 @@ const SHOWN = `shown = vec4(encoded(colour), 1.0);
   }`;
 
 // The light of a lamp that a pixel reflects.
-function lit(doc, { coat, near, nearView, mirror, read, sum, linear }) {
+function lit(doc, { coat, near, nearView, mirror, read, sum }) {
   const lobes = doc.lobes.map((lobe, number) => {
     const shape = shapeNames(doc).map(name => read(name + number));
     const value = `${coat ? "kept * " : ""}uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
@@ -237,11 +237,11 @@ ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
+  ${SHOWN}`;
 }
 
 // The light of an environment that a pixel reflects: of each channel its irradiance and what the lobes mirror.
-function surrounded(doc, { coat, nearView, mirror, read, sum, linear }) {
+function surrounded(doc, { coat, nearView, mirror, read, sum }) {
   const channels = prefix => Array.from({ length: doc.coefficients }, (_, i) =>
     `${read(prefix + i)} * (e.r * uChannels[${i}] + e.g * uChannels[${doc.coefficients + i}] + e.b * uChannels[${2 * doc.coefficients + i}])`).join(" + ");
   const kept = coat ? "kept * " : "";
@@ -261,7 +261,7 @@ ${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * $
 ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular.r * uFaces[0] + specular.g * uFaces[1] + specular.b * uFaces[2];
-  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
+  ${SHOWN}`;
 }
 
 // Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is

@@ -220,7 +220,7 @@ export class Viewer extends Geometry {
       if (this.steady > 20) [this.steady, this.coarse] = [0, this.coarse - 1];
     }
     this.last = this.dragging ? now : 0;
-    if (this.stale) this.renderer.setState(this.state, { moving: this.dragging });
+    if (this.stale) this.renderer.setState(this.state, this.dragging ? "moving" : "resting");
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
     const finest = this.wanted(0), coarse = this.wanted(this.coarse);
@@ -409,7 +409,7 @@ export class Viewer extends Geometry {
   }
 
   // All of the painting at a scale, as it is lit now, seen from in front.
-  async picture(number, changes = {}) {
+  async picture(number, changes = {}, quality = "saved") {
     await this.environment();
     const scale = this.doc.scales[number], { side } = this.doc, data = new ImageData(scale.width, scale.height);
     for (let row = 0; row * side < scale.height; row++) for (let column = 0; column * side < scale.width; column++) {
@@ -417,7 +417,7 @@ export class Viewer extends Geometry {
       const buffer = await this.tiles.get(name);
       if (!buffer) throw new Error("A part of the painting could not be loaded.");
       if (!this.renderer.has(name)) this.renderer.upload(name, buffer, width, height);
-      this.renderer.setState({ ...this.state, ...changes });
+      this.renderer.setState({ ...this.state, ...changes }, quality);
       const codes = this.renderer.codes(name);
       for (let y = 0; y < height; y++) data.data.set(codes.subarray(4 * y * width, 4 * (y + 1) * width), 4 * ((row * side + y) * scale.width + column * side));
       for (const gone of this.renderer.trim(new Set([name]))) this.tiles.forget(gone);
