@@ -190,12 +190,14 @@ MISTAKES = [
     (
         "--environment=",
         1,
-        "--environment: expected gallery, or a file .exr, .hdr or .pic, found ''",
+        "--environment: expected gallery, skylight, window, overcast, candles, or a file .exr, "
+        ".hdr or .pic, found ''",
     ),
     (
         "--environment room.jpg",
         1,
-        "expected gallery, or a file .exr, .hdr or .pic, found 'room.jpg'",
+        "expected gallery, skylight, window, overcast, candles, or a file .exr, .hdr or .pic, "
+        "found 'room.jpg'",
     ),
     ("--tolerance 1", 1, '--tolerance: expected 0, "code:1" or "dE:0.5", found \'1\''),
     ("--tolerance dE:-1", 1, "--tolerance: expected 0"),

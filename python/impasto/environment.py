@@ -215,7 +215,7 @@ class Environment:
         if False not in self._built:
             scalar = self.scheme == "scalar"
             self._built[False] = _core.Environment(
-                _divided(self.radiance), self.rotation, scalar, workers
+                divided(self.radiance), self.rotation, scalar, workers
             )
         if lobes and True not in self._built:
             plain = self._built[False]
@@ -227,7 +227,7 @@ class Environment:
         return self._built[lobes]
 
     def _key(self) -> str:
-        texels = _divided(self.radiance)
+        texels = divided(self.radiance)
         digest = hashlib.sha256(f"{_core.Environment.VERSION} {texels.shape}".encode())
         digest.update(texels.tobytes())
         digest.update(self.rotation.tobytes())
@@ -301,7 +301,7 @@ def _checked(radiance: ArrayLike, name: str) -> NDArray[np.float32]:
     return np.array(np.maximum(values, 0.0), dtype=np.float32, order="C")
 
 
-def _divided(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+def divided(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     """A map whose texels are small enough for the wall: those of a coarse one in equal parts."""
     height, width = radiance.shape[-2:]
     if radiance.ndim == 4:

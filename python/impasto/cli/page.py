@@ -12,7 +12,6 @@ from impasto._internal.printable import printable
 from impasto.cli.console import Stages
 from impasto.cli.fit import camera_of
 from impasto.cli.maps import load_result, name_of
-from impasto.cli.scenes import room_of
 from impasto.errors import ArgumentError
 from impasto.io.results import result_file
 from impasto.io.session_toml.read import SESSION_FILE
@@ -68,18 +67,6 @@ def camera_for_page(camera: str | None, illuminant: str | None) -> Any:
             msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
         )
     return None
-
-
-def own_environments(path: Path | None, stages: Stages) -> list[Any]:
-    """Environments of a page besides those that every page has."""
-    from impasto.rooms import ROOMS
-
-    if path is None or str(path) in ROOMS:
-        return []
-    with stages.stage("environment") as stage:
-        found = room_of(str(path), None)
-        stage.note = name_of(path)
-    return [found]
 
 
 def say_empty(contents: Any, result: Path, stages: Stages) -> None:

@@ -96,8 +96,8 @@ def render(
         Degrees that the lamps of --light are across: their shadows are soft and their highlights as
         wide. The sun has 0.5, a softbox 20. Default: 0.
     environment
-        Light from all directions: gallery, or an .exr or .hdr map (twice as wide as high, or six
-        faces of a cube). No other light is then needed.
+        Light from all directions: gallery, skylight, window, overcast, candles, or an .exr or .hdr
+        map (twice as wide as high, or six faces of a cube). No other light is then needed.
     environment_rotation
         Degrees by which the room is turned about the painting's vertical. Default: 0.
     illuminant

@@ -20,11 +20,11 @@ def view(
     photographs: Path | None = None,
     encoding: str | None = None,
     against: Path | None = None,
-    environment: Path | None = None,
     camera: Annotated[str | None, Parameter(metavar="FILE|srgb")] = None,
     illuminant: str | None = None,
     title: str | None = None,
     pitch: float | None = None,
+    environment: tuple[Path, ...] = (),
     port: int = 0,
     no_browser: Annotated[Flag, Parameter(negative="")] = False,
     threads: SomeWhole = None,
@@ -48,9 +48,6 @@ def view(
     against
         Another painting of the same size, to be shown beside it in the same lamp: another result
         (before and after), or what RTI tools made of it, as RESULT.
-    environment
-        A .hdr, .exr or picture of a room over longitude and latitude, to light the painting with,
-        besides the five that every page has.
     camera
         CSV file of band sensitivities, or "srgb": spectra of a result that has none, such as a
         .zarr, and with them the colour of the light, adaptation and varnish.
@@ -60,6 +57,9 @@ def view(
         Above the page; default: the name of the result.
     pitch
         Width of a pixel in mm, if the result does not contain it.
+    environment
+        An .exr or .hdr map to light the painting with, besides the rooms that the page has; may be
+        given several times.
     port
         To listen on; default: a free one.
     no_browser
@@ -70,19 +70,20 @@ def view(
     from impasto.cli.maps import name_of
     from impasto.cli.page import (
         camera_for_page,
-        own_environments,
         painting_beside,
         photographs_beside,
         say_empty,
         say_notes,
         shown_result,
     )
+    from impasto.environment import Environment
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
     check_port(port)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
+    rooms = [Environment.read(path) for path in environment]
     stages = Stages(quiet=False)
     with stages.stage("result") as stage:
         painting, reflectance = shown_result(result)
@@ -90,7 +91,6 @@ def view(
         stage.note = f"{columns} x {rows} pixels"
     say_notes(painting, stages)
     other = painting_beside(against, stages)
-    rooms = own_environments(environment, stages)
     lens = camera_for_page(camera, illuminant)
     stack = photographs_beside(photographs, encoding, stages)
     with stages.stage("page") as stage:

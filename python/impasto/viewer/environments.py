@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import instance
-from impasto.environment import FACE, Environment
+from impasto.environment import FACE, Environment, divided
 from impasto.errors import ArgumentError
 from impasto.rooms import LABELS, ROOMS
 
@@ -92,9 +92,12 @@ class Environments:
 
 
 def cube_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Faces ``(6, 3, n, n)`` of a map over longitude and latitude; those of a cube as they are."""
+    """Faces ``(6, 3, n, n)`` in the painting's frame; those of a map of 128 texels along a side.
+
+    A cube map is left-handed as seen from within, so that x of a given one is turned round.
+    """
     if radiance.ndim == 4:
-        return radiance
+        return divided(radiance[[1, 0, 2, 3, 4, 5], ..., ::-1])
     height, width = radiance.shape[-2:]
     places = 2.0 * (np.arange(FACE * PARTS) + 0.5) / (FACE * PARTS) - 1.0
     found = np.empty((6, 3, FACE, FACE), np.float32)
@@ -112,7 +115,7 @@ def cube_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _side(one: Environment) -> int:
-    return int(one.radiance.shape[-1]) if one.radiance.ndim == 4 else FACE
+    return int(divided(one.radiance).shape[-1]) if one.radiance.ndim == 4 else FACE
 
 
 def _scale(one: Environment) -> float:

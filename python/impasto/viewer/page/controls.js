@@ -98,7 +98,7 @@ function roomView(app) {
     picture.hidden = state.environment === "none";
     if (key === last || !room) return;
     last = key;
-    const data = new ImageData(width, height), most = Math.max(...room.board(state.rotation)), rows = rotationOf(room.record, state.rotation);
+    const data = new ImageData(width, height), most = Math.max(...room.board(state.rotation)) * room.front(state.rotation), rows = rotationOf(room.record, state.rotation);
     for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
       const longitude = ((x + 0.5) / width - 0.5) * Math.PI, latitude = (0.5 - (y + 0.5) / height) * Math.PI / 2, flat = Math.cos(latitude);
       const towards = [-Math.sin(longitude) * flat, Math.sin(latitude), Math.cos(longitude) * flat];

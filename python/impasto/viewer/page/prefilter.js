@@ -6,7 +6,9 @@
 
 import { fromHalf } from "./half.js";
 
-const SETTLED = { side: 128, samples: 64 }, MOVING = { side: 64, samples: 12 };
+// Tables while a room turns, at rest, and for a picture that is saved: what a renderer without a graphics card can do
+// in time.
+const QUALITIES = { moving: { side: 64, samples: 12 }, resting: { side: 128, samples: 32 }, saved: { side: 128, samples: 256 } };
 const BRIGHT = 0.001, MOST_BRIGHT = 96; // share of all light of a texel that is a lamp, and how many may be
 const COARSE = 16; // texels along a face, whose light is one distant lamp each in irradiance
 // Of widths, half an octave apart: the first, how many, and how a hemisphere is spread on a table; wide ones up to a
@@ -80,7 +82,7 @@ mat3 frame(vec3 n) {
 // Radiance from around u within a solid angle; none from behind the wall.
 vec3 radiance(vec3 u, float extent) {
   float above = clamp(0.5 + u.z / sqrt(max(extent, uTexel)), 0.0, 1.0);
-  return above * uScale * textureLod(uMap, uRoom * u, max(1.0 + 0.5 * log2(extent / uTexel), 0.0)).rgb;
+  return above * uScale * textureLod(uMap, uRoom * u, max(0.5 * log2(extent / uTexel), 0.0)).rgb;
 }`;
 
 const facets = fresnel => `${SAMPLED}
@@ -152,6 +154,8 @@ void main() {
   ahead = vec4(z, 1.0);
 }`;
 
+const LAST = { facets: LEVELS["torrance-sparrow"].count - 1, vectors: LEVELS.lafortune.count - 1 };
+
 // Which part of the side of a level's table is used, in GLSL.
 const part = model => `(at < ${LEVELS[model].quarter - 0.5} ? 0.25 : at < ${LEVELS[model].half - 0.5} ? 0.5 : 1.0)`;
 
@@ -162,10 +166,10 @@ vec3 level(float at) {
   return texture(uLobes0, vec3(place * ${part("torrance-sparrow")}, at)).rgb;
 }
 vec3 reflected(float gamma, float b, float c) {
-  float kept = clamp(gamma, ${(1.25 * Math.SQRT1_2 ** 13).toFixed(9)}, 1.25), narrow = min(max(gamma, 5e-4) / kept, 1.0);
-  float at = clamp(2.0 * log2(1.25 / kept), 0.0, 13.0), first = min(floor(at), 12.0), t = at - first;
+  float kept = clamp(gamma, ${(1.25 * Math.SQRT1_2 ** LAST.facets).toFixed(9)}, 1.25), narrow = min(max(gamma, 5e-4) / kept, 1.0);
+  float at = clamp(2.0 * log2(1.25 / kept), 0.0, ${LAST.facets}.0), first = min(floor(at), ${LAST.facets - 1}.0), t = at - first;
   // Through four levels [keys1981cubic]; the ends are repeated.
-  vec3 a = level(max(first - 1.0, 0.0)), f = level(first), g = level(first + 1.0), e = level(min(first + 2.0, 13.0));
+  vec3 a = level(max(first - 1.0, 0.0)), f = level(first), g = level(first + 1.0), e = level(min(first + 2.0, ${LAST.facets}.0));
   vec3 value = f + 0.5 * t * (g - a + t * (2.0 * a - 5.0 * f + 4.0 * g - e + t * (3.0 * (f - g) + e - a)));
   return kept * narrow * narrow * max(value, 0.0);
 }`,
@@ -177,7 +181,7 @@ vec3 reflected(float cxy, float cz, float exponent) {
   float n_v = dot(n, view), square = cxy * cxy + (cz * cz - cxy * cxy) * n_v * n_v;
   if (n_v <= 0.0 || square < 1e-17) return vec3(0.0);
   vec3 p = normalize(cxy * view + (cz - cxy) * n_v * n);
-  float at = clamp(2.0 * log2(max(exponent, 0.5) / 0.5), 0.0, 23.0), first = min(floor(at), 22.0), t = at - first;
+  float at = clamp(2.0 * log2(max(exponent, 0.5) / 0.5), 0.0, ${LAST.vectors}.0), first = min(floor(at), ${LAST.vectors - 1}.0), t = at - first;
   vec2 on = projected(p, ${LEVELS.lafortune.spread.toFixed(1)});
   float here = part(first), next = part(first + 1.0);
   vec3 x = mix(texture(uLobes0, vec3(on * here, first)).rgb, texture(uLobes0, vec3(on * next, first + 1.0)).rgb, t);
@@ -240,8 +244,21 @@ export class EnvironmentMap {
     return [0, 1, 2].map(channel => scale * this.linear[this.texels[at + channel]]);
   }
 
-  // What the turned room sends to the painting: a lamp that the wall cuts off in part keeps the rest.
+  // What all light in front of the painting sums to. Exposure follows it, and tables of it as 1 are within half
+  // precision, whatever is behind the wall.
+  front(degrees) {
+    if (this.fronts?.degrees !== degrees) this.fronts = { degrees, sum: this.cut(degrees, this.lamps, Math.PI / 2 / COARSE).reduce((sum, { light }) => sum + light[0] + light[1] + light[2], 0) };
+    return Math.max(this.fronts.sum, 1e-30);
+  }
+
+  // What the turned room sends to the painting, in all as 1.
   seen(degrees, lamps = this.lamps, width = Math.PI / 2 / COARSE) {
+    const front = this.front(degrees);
+    return this.cut(degrees, lamps, width).map(({ direction, light }) => ({ direction, light: light.map(value => value / front) }));
+  }
+
+  // A lamp that the wall cuts off in part keeps the rest.
+  cut(degrees, lamps, width) {
     const rows = rotationOf(this.record, degrees);
     return lamps.map(({ light, towards }) => {
       const direction = rows.map(row => row[0] * towards[0] + row[1] * towards[1] + row[2] * towards[2]);
@@ -302,12 +319,12 @@ export class Prefilter {
     };
   }
 
-  // Tables for a room turned by degrees, seen from `view`; coarser ones while it moves.
-  make(environment, { degrees, view, index, coatScale, moving }) {
-    const key = JSON.stringify([environment.record.name, degrees, this.mirror ? 0 : view, index, moving]);
+  // Tables for a room turned by degrees, seen from `view`, of one of the qualities.
+  make(environment, { degrees, view, index, coatScale, quality }) {
+    const key = JSON.stringify([environment.record.name, degrees, this.mirror ? 0 : view, index, quality]);
     if (key === this.key) return;
     this.key = key;
-    const { gl, levels } = this, { side, samples } = moving ? MOVING : SETTLED;
+    const { gl, levels } = this, { side, samples } = QUALITIES[quality];
     this.now = this.tablesOf(side);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     const { at } = this.irradiance;
@@ -348,7 +365,7 @@ export class Prefilter {
     this.lamps(at, environment.seen(degrees, environment.bright, Math.PI / 2 / record.side));
     // The inverse of a rotation is its transpose, and WebGL reads columns: rows as they are.
     gl.uniformMatrix3fv(at("uRoom"), false, [0, 1, 2].flatMap(i => rotationOf(record, degrees)[i]));
-    gl.uniform1f(at("uScale"), record.scale);
+    gl.uniform1f(at("uScale"), record.scale / environment.front(degrees));
     gl.uniform1f(at("uTexel"), 4 * Math.PI / (6 * record.side ** 2));
     gl.uniform1i(at("uSamples"), samples);
     gl.uniform1f(at("uSpread"), levels.spread);

@@ -160,8 +160,8 @@ export class Renderer {
     return state.layer === "picture" && state.photograph < 0 ? this.environments.get(state.environment) ?? null : null;
   }
 
-  // From now on tiles are lit as a state says. `moving`: by coarser tables of an environment. `linear`: see the shader.
-  setState(state, { moving = false, linear = false } = {}) {
+  // From now on tiles are lit as a state says. `quality`: of the tables of an environment. `linear`: see the shader.
+  setState(state, quality = "resting", linear = false) {
     const gl = this.gl, doc = this.doc;
     const coat = doc.colours.varnishes.find(one => one.name === state.varnish) ?? null;
     const { view, towards, light, falloff, intensity } = this.geometry(state);
@@ -175,7 +175,7 @@ export class Renderer {
     const eye = view.slice(0, 3).map(value => value / far);
     if (environment) {
       this.prefilter ??= new Prefilter(this, { fresnel: FRESNEL, coated: doc.coated ? COATED : "" });
-      this.prefilter.make(environment, { degrees: state.rotation, view: eye, index, coatScale, moving });
+      this.prefilter.make(environment, { degrees: state.rotation, view: eye, index, coatScale, quality });
     }
     const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear } : {}) };
     this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);

@@ -238,7 +238,7 @@ export class Viewer extends Geometry {
     // Layers of both paintings are shown on the same ramps.
     const other = this.beside;
     if (other) other.ranges = this.renderer.ranges;
-    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state, { moving: this.dragging });
+    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state, this.dragging ? "moving" : "resting");
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
     const finest = this.wanted(0), coarse = this.wanted(this.coarse);
@@ -437,21 +437,21 @@ export class Viewer extends Geometry {
   }
 
   // All of the painting at a scale, as it is lit now, seen from in front.
-  async picture(number, changes = {}) {
+  async picture(number, changes = {}, quality = "saved") {
     const { width, height } = this.doc.scales[number], data = new ImageData(width, height);
-    await this.fill(data.data, number, changes, name => this.renderer.codes(name));
+    await this.fill(data.data, number, changes, name => this.renderer.codes(name), quality);
     return data;
   }
 
   // The same in linear light, `(y, x, 4)`; 1 is the display's white.
   async linear(number) {
     const { width, height } = this.doc.scales[number], light = new Float32Array(4 * width * height);
-    await this.fill(light, number, { layer: "picture", clipped: false, photograph: -1 }, name => this.renderer.linear(name), { linear: true });
+    await this.fill(light, number, { layer: "picture", clipped: false, photograph: -1 }, name => this.renderer.linear(name), "saved", true);
     return light;
   }
 
   // Fills an array `(y, x, 4)` with a scale, tile by tile.
-  async fill(data, number, changes, read, options = {}) {
+  async fill(data, number, changes, read, quality, linear = false) {
     await this.environment();
     const scale = this.doc.scales[number], { side } = this.doc;
     for (let row = 0; row * side < scale.height; row++) for (let column = 0; column * side < scale.width; column++) {
@@ -459,7 +459,7 @@ export class Viewer extends Geometry {
       const buffer = await this.tiles.get(name);
       if (!buffer) throw new Error("A part of the painting could not be loaded.");
       if (!this.renderer.has(name)) this.renderer.upload(name, buffer, width, height);
-      this.renderer.setState({ ...this.state, ...changes }, options);
+      this.renderer.setState({ ...this.state, ...changes }, quality, linear);
       const codes = read(name);
       for (let y = 0; y < height; y++) data.set(codes.subarray(4 * y * width, 4 * (y + 1) * width), 4 * ((row * side + y) * scale.width + column * side));
       for (const gone of this.renderer.trim(new Set([name]))) this.tiles.forget(gone);
