@@ -4,7 +4,8 @@
 graphics card (Debian's, its software renderer) and prints one line per surface: milliseconds from
 the request of the page to the first picture, and frames per second of a moving light at full scale,
 each frame waited for, and the processor time of a frame: that does not depend on what else the
-machine does. The same for a room that turns, and the milliseconds of its tables at rest. The surfaces have 1024 x 1024 pixels, all of which are lit in every frame.
+machine does. The same for a room that turns, and the milliseconds of its tables at rest. The
+surfaces have 1024 x 1024 pixels, all of which are lit in every frame.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def _window(x: Planes, y: Planes, z: Planes) -> Planes:
 
 
 def _overcast(x: Planes, y: Planes, z: Planes) -> Planes:
-    """CIE's standard overcast sky [moon1942overcast], over ground that reflects a fifth.
+    """CIE's standard overcast sky [@cie-overcast], over ground that reflects a fifth.
 
     Luminance rises from the horizon to three times as much in the zenith. The ground gets 7/9 pi of
     the zenith's luminance.
