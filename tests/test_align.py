@@ -383,6 +383,23 @@ def test_a_fixed_camera_shares_its_marks(tmp_path: Path) -> None:
         assert off_px(one.view, camera()).max() < 0.15
 
 
+def test_a_photograph_that_a_fixed_camera_took_from_elsewhere_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rolled by one pixel: its corners are the others' one column on, found to 0.05 pixels."""
+    folder = session(tmp_path / "photos", 30.0, 30.0, 30.0)
+    write_tiff16(folder / "p2.tif", np.roll(photograph(30.0), 1, axis=2))
+    words = ["align", str(folder), "--markers", EXACT, "--size", "200x150", "--fixed-camera"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "warning: p2.tif moved by " in said
+    assert said.count("moved by") == 1
+    report = json.loads((tmp_path / "out" / "report" / "alignment.json").read_text())
+    moves = [one["move_px"] for one in report["photographs"]]
+    assert moves[:2] == [None, None]
+    assert moves[2] == pytest.approx([1.0, 0.0], abs=0.05)
+
+
 def test_eight_bits_become_linear_light(tmp_path: Path) -> None:
     """sRGB code 188 is 0.5029 of full scale (IEC 61966-2-1); half a code of 16 bits is 8e-6."""
     folder = tmp_path / "photos"

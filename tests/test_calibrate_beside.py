@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -133,6 +134,33 @@ def test_directions_are_those_from_the_middle_of_the_photograph(near: Path, tmp_
     assert (
         np.radians(angles(found.directions, truth)) < 5.0 * at_balls.from_middle(camera).sigma
     ).all()
+
+
+def test_a_ball_that_is_cut_off_is_named_and_the_whole_one_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """30 pixels lie beyond the border; the search finds circles to one pixel, three are allowed.
+
+    One ball takes a lamp D = 500 mm away for distant: it sees it from its own place, 39 mm from
+    the middle of the photograph, so atan(39 / 500), 4.5 degrees, off at most; half one more for
+    the highlight.
+    """
+    middle = (SIZE[1] / 2 - RADIUS + 30.0, -60.0)
+    folder, out = photographs(tmp_path / "cut", places=(PLACES[0], middle)), tmp_path / "lamps.lp"
+    assert main(["calibrate", "lights", str(folder), "--out", str(out)]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    cut = re.search(r"a ball is left out: the right border cuts (\d+) pixels off it", said)
+    assert cut is not None
+    assert abs(int(cut[1]) - 30) <= 3
+    assert "1 ball, 5 lamps" in said
+    truth = LAMPS / np.linalg.norm(LAMPS, axis=1, keepdims=True)
+    assert angles(read_lights(out).directions, truth).max() < 5.0
+
+
+def test_a_ball_that_is_cut_off_alone_is_refused(tmp_path: Path) -> None:
+    folder = photographs(tmp_path / "cut", places=((SIZE[1] / 2 - RADIUS + 30.0, -60.0),))
+    with pytest.raises(ArgumentError, match=r"right border cuts (29|30|31) pixels off the ball"):
+        lights_from_balls(read_balls(folder).balls)
 
 
 def test_boxes_take_the_place_of_the_search(near: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from sybil.parsers.markdown import PythonCodeBlockParser
 from impasto._internal.peak import peak_bytes
 from impasto.cli import main
 from impasto.cli.photographs import write_photographs
+from impasto.cli.rehearse import _listed
 from impasto.errors import ArgumentError
 from impasto.io import read_session, write_session
 from impasto.rehearsal.course import Step, carried_out, moving_steps, steps
@@ -124,6 +126,15 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["rehearse", "snel-lafortune", "--out", str(out), "--size", "96", "--views", "16"]
     assert main([*words, "--quiet"]) == 0
     return out
+
+
+def test_printed_commands_begin_with_the_folder_in_which_they_run(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    _listed(Path("of Mary's altar"), [Step(("session", "init", "painting"), "one file for all")])
+    first, second = capsys.readouterr().out.splitlines()
+    assert shlex.split(first) == ["cd", "of Mary's altar"]
+    assert second == "impasto session init painting"
 
 
 @pytest.mark.slow

@@ -212,6 +212,20 @@ def test_names_of_paintings_are_no_calibration_frames(tmp_path: Path) -> None:
     assert set(names) < set(session.sha256)
 
 
+def test_the_picture_of_a_lens_among_photographs_is_named(folder: Path) -> None:
+    """``calibrate lens`` writes it there; without a light file it counts as a photograph."""
+    for path in folder.glob("*.lp"):
+        path.unlink()
+    before = find_session(folder)
+    assert not [words for words in before.missing if "lens.png" in words]
+    photograph(folder / "lens.png", 40.0)
+    (folder / "lens.json").write_text("{}")
+    found = find_session(folder)
+    assert set(found.session.sha256) - set(before.session.sha256) == {"lens.png"}
+    (words,) = [words for words in found.missing if words.startswith("lens.png")]
+    assert str(folder / "calibration") in words
+
+
 # --- what has changed
 
 

@@ -32,6 +32,9 @@ class AlignedPhotograph:
         What refinement found; None without refinement, and for the reference.
     covered
         Share of the painting that it shows.
+    move_px
+        Columns and rows by which it lies elsewhere than the other photographs of a fixed camera;
+        None for none that counts, and where each photograph has a view of its own.
     """
 
     source: str
@@ -40,6 +43,7 @@ class AlignedPhotograph:
     pose: Pose | None
     shift: Shift | None
     covered: float
+    move_px: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +87,15 @@ class Aligned:
         """Of those that were applied; None without refinement."""
         shifts = [one.shift for one in self.photographs if one.shift is not None]
         return max((float(np.hypot(one.x, one.y)) for one in shifts), default=None)
+
+    @property
+    def moved(self) -> dict[str, float]:
+        """Photographs that a fixed camera took from elsewhere, and how many pixels they moved."""
+        return {
+            one.source: float(np.hypot(*one.move_px))
+            for one in self.photographs
+            if one.move_px is not None
+        }
 
     @property
     def refused(self) -> dict[str, str]:
@@ -168,6 +181,7 @@ def _photograph(one: AlignedPhotograph) -> dict[str, Any]:
         "tilt_degrees": None if pose is None else float(np.degrees(pose.tilt)),
         "view_sigma_degrees": None if pose is None else float(np.degrees(pose.view_sigma)),
         "covered": one.covered,
+        "move_px": None if one.move_px is None else list(one.move_px),
         "shift_px": None,
     }
     if shift is not None:

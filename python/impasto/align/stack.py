@@ -15,6 +15,7 @@ from impasto.align.depth_picture import depth_picture
 from impasto.align.depth_search import FoundDepth, find_depth
 from impasto.align.detection import FoundMarks, find_marks
 from impasto.align.features import Reference
+from impasto.align.fixed_camera import common_marks, move_of
 from impasto.align.frontal import frontal_view
 from impasto.align.layout import Layout
 from impasto.align.output import write_photograph, write_stack_lights
@@ -59,11 +60,14 @@ class _Seen:
         Columns and rows.
     outlines
         ``(4, 2)`` pixels of each marker.
+    move
+        Of a fixed camera, columns and rows against the other photographs; None for none.
     """
 
     view: FrontalView
     size: tuple[int, int]
     outlines: Mapping[str, Floats]
+    move: tuple[float, float] | None
 
 
 def align(
@@ -118,7 +122,8 @@ def align(
         reference picture, the photograph whose lamp stands most frontal, or the first.
     fixed_camera
         One view for all photographs, from the median of the marks over them; some marks may be
-        missing in some photographs.
+        missing in some photographs. A photograph that moved against the others is named in
+        :attr:`Aligned.moved`.
     lights
         The light file; default: the only one in the folder.
     card
@@ -219,7 +224,9 @@ def align(
                 overviews[number] = Overview(path.name, reduced, one.size, one.outlines)
             camera = None if cameras is None else cameras[number]
             done.append(
-                AlignedPhotograph(path.name, names[number], one.view, camera, shifts[number], share)
+                AlignedPhotograph(
+                    path.name, names[number], one.view, camera, shifts[number], share, one.move
+                )
             )
             step_done(steps - 1, number + 1, count)
         if not covered.all():
@@ -279,9 +286,12 @@ def _views(
         else:
             found.append(find_marks(light, layout, path.name, partial=fixed_camera))
         advance(number + 1)
+    moves: list[tuple[float, float] | None] = [None] * len(paths)
     if isinstance(layout, Layout):
         marks = [one for one in found if isinstance(one, FoundMarks)]
-        common = _common(marks, layout) if fixed_camera else None
+        common = common_marks(marks, layout) if fixed_camera else None
+        if common is not None:
+            moves = [move_of(own, common) for own in marks]
         views = [
             _view_of(common or own, layout, lens, "all photographs" if common else path.name)
             for own, path in zip(marks, paths, strict=True)
@@ -290,27 +300,13 @@ def _views(
     else:
         views = [one for one in found if isinstance(one, FrontalView)]
         outlines = [{} for _ in views]
-    return [_Seen(*one) for one in zip(views, sizes, outlines, strict=True)]
+    return [_Seen(*one) for one in zip(views, sizes, outlines, moves, strict=True)]
 
 
 def _view_of(marks: FoundMarks, layout: Layout, lens: Lens | None, name: str) -> FrontalView:
     return frontal_view(
         layout.mm(marks.names), marks.pixels, marks.names, layout.size_mm, lens, name
     )
-
-
-def _common(marks: list[FoundMarks], layout: Layout) -> FoundMarks:
-    """Medians of the marks over all photographs."""
-    places: dict[str, list[Floats]] = {}
-    for one in marks:
-        for name, pixel in zip(one.names, one.pixels, strict=True):
-            places.setdefault(name, []).append(pixel)
-    missing = [name for name in layout.places if name not in places] if not layout.points else []
-    if missing:
-        raise ArgumentError(f"markers: {', '.join(missing)} not found in any photograph")
-    names = tuple(places)
-    pixels = np.array([np.median(places[name], axis=0) for name in names])
-    return FoundMarks(names, pixels.reshape(-1, 2), {})
 
 
 def _grid(layout: Layout | Reference, views: list[FrontalView], pixel_mm: float | None) -> Grid:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from impasto.calibrate.geometry import Array, BallCamera
 from impasto.calibrate.highlight import find_highlight, luma
 from impasto.calibrate.lights import BallPhotographs
-from impasto.calibrate.outline import Outline, strongest_circle
+from impasto.calibrate.outline import Outline, beyond_border, strongest_circle
 from impasto.errors import ArgumentError
 from impasto.io.images import open_picture, photographs_below
 
@@ -35,6 +35,10 @@ MARGIN = 1.35
 """Half a side of a crop, in radii of its ball."""
 MIRRORED = 0.8
 """Least share of the lamps with a highlight."""
+MIRRORED_CUT = 0.3
+"""The same of a ball that a border cuts off: some highlights lie beyond the border."""
+CUT = 3.0
+"""Working pixels beyond a border from which a ball counts as cut off: circles are found to one."""
 MOVES = 0.1
 """Least standard deviation of the places of the highlights, in radii."""
 
@@ -44,8 +48,10 @@ def balls_beside(
     references: Sequence[Path],
     boxes: Sequence[Box] | None,
     outlines: Sequence[Outline] | None = None,
-) -> tuple[tuple[BallPhotographs, ...], tuple[int, int]]:
+) -> tuple[tuple[BallPhotographs, ...], tuple[int, int], tuple[str, ...]]:
     """The balls in photographs of a painting.
+
+    A ball that a border cuts off is left out where another one is whole.
 
     Parameters
     ----------
@@ -61,7 +67,7 @@ def balls_beside(
     Returns
     -------
     tuple
-        Each ball, and rows and columns of the whole photographs.
+        Each ball, rows and columns of the whole photographs, and words on each ball left out.
 
     Raises
     ------
@@ -70,12 +76,13 @@ def balls_beside(
         other sizes.
     """
     size = size_of(photographs[0])
+    notes: tuple[str, ...] = ()
     if outlines is not None:
         for outline in outlines:
             _check_within(outline, size)
         boxes = [_box(outline.numbers, size) for outline in outlines]
     elif boxes is None:
-        boxes = _found(photographs, size)
+        boxes, notes = _found(photographs, size)
     for top, left, height, width in boxes:
         inside = top >= 0 and top + height <= size[0] and left >= 0 and left + width <= size[1]
         if not (inside and height > 0 and width > 0):
@@ -111,7 +118,7 @@ def balls_beside(
             replace(ball, outline=replace(one, x=one.x - left, y=one.y - top))
             for ball, one, (top, left, *_) in zip(balls, outlines, boxes, strict=True)
         )
-    return balls, size
+    return balls, size, notes
 
 
 def _check_within(outline: Outline, size: tuple[int, int]) -> None:
@@ -138,8 +145,8 @@ def _check_size(path: Path, found: tuple[int, ...], first: Path, size: tuple[int
         )
 
 
-def _found(photographs: Sequence[Path], size: tuple[int, int]) -> list[Box]:
-    """Boxes around all mirror balls, from left to right."""
+def _found(photographs: Sequence[Path], size: tuple[int, int]) -> tuple[list[Box], tuple[str, ...]]:
+    """Boxes around the mirror balls from left to right, and words on each that is left out."""
     scale = min(1.0, WORKING_SIZE / max(size))
     small = np.array([_reduced(path, scale, photographs[0], size) for path in photographs])
     mirrors = [circle for circle in _candidates(small) if _mirrors(small, circle)]
@@ -156,7 +163,26 @@ def _found(photographs: Sequence[Path], size: tuple[int, int]) -> list[Box]:
             "each lamp; give its place, --ball TOP LEFT HEIGHT WIDTH (boxes= in Python), or put "
             "crops of each ball into a folder of its own"
         )
-    return [_box(circle / scale, size) for circle in sorted(circles, key=lambda c: float(c[0]))]
+    circles.sort(key=lambda circle: float(circle[0]))
+    whole = [circle for circle in circles if _beyond(circle, small.shape[1:])[0] <= CUT]
+    if not whole:  # their outlines are refused, with the number of pixels that are missing
+        return [_box(circle / scale, size) for circle in circles], ()
+    notes = []
+    for circle in circles:
+        pixels, side = _beyond(circle, small.shape[1:])
+        if pixels > CUT:
+            x, y, radius = circle / scale
+            notes.append(
+                f"a ball is left out: the {side} border cuts {pixels / scale:.0f} pixels off it "
+                f"(middle {x:.0f}, {y:.0f}, radius {radius:.0f}); to use it, photograph all of it"
+            )
+    return [_box(circle / scale, size) for circle in whole], tuple(notes)
+
+
+def _beyond(circle: Array, size: tuple[int, ...]) -> tuple[float, str]:
+    """How many pixels a circle reaches beyond the worst border, and its name."""
+    x, y, radius = circle.tolist()
+    return beyond_border(np.array([[x - radius, y - radius], [x + radius, y + radius]]), size)
 
 
 def _reduced(path: Path, scale: float, first: Path, size: tuple[int, int]) -> NDArray[np.float32]:
@@ -209,7 +235,8 @@ def _mirrors(small: NDArray[np.float32], circle: Array) -> bool:
         except ArgumentError:
             continue
         places.append((one.x, one.y))
-    if len(places) < max(1.0, MIRRORED * len(part)):
+    least = MIRRORED if _beyond(circle, small.shape[1:])[0] <= CUT else MIRRORED_CUT
+    if len(places) < max(1.0, least * len(part)):
         return False
     return len(part) < 2 or bool(np.hypot(*np.std(places, axis=0)) > MOVES * radius)
 

@@ -35,12 +35,15 @@ class BallFolder:
         The object's photographs, in the order of the lamps.
     frame
         Rows and columns of the photographs of which the balls are crops; None where not known.
+    notes
+        In words, each ball that a border of the photographs cuts off and that is left out.
     """
 
     balls: tuple[BallPhotographs, ...]
     objects: Path | None
     names: tuple[str, ...]
     frame: tuple[int, int] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def ball_folders(folder: Path) -> list[Path]:
@@ -93,8 +96,8 @@ def read_balls(
                 raise ArgumentError("circles: they say where the balls are; leave --ball out")
             outlines = read_circles(folder / circles, size_of(photographs[0])[0])
         references = [path for path in list_images(folder) if _REFERENCE.match(path.name)]
-        found, frame = balls_beside(photographs, references, boxes, outlines)
-        return BallFolder(found, folder, tuple(path.name for path in photographs), frame)
+        found, frame, notes = balls_beside(photographs, references, boxes, outlines)
+        return BallFolder(found, folder, tuple(path.name for path in photographs), frame, notes)
     if boxes is not None:
         raise ArgumentError(
             f"boxes: {folder} holds folders of balls; boxes (--ball) are places in photographs "

@@ -123,21 +123,28 @@ def find_outline(picture: Array, camera: BallCamera, where: str, seed: int = 0) 
 
 def check_inside(outline: Outline, shape: tuple[int, ...], camera: BallCamera, where: str) -> None:
     """Refuse a ball that a border of the picture cuts off."""
-    points = camera.outline_points(outline.numbers)
-    high, wide = shape[0] - 0.5, shape[1] - 0.5
-    over = {
-        "left": -0.5 - points[:, 0].min(),
-        "right": points[:, 0].max() - wide,
-        "upper": -0.5 - points[:, 1].min(),
-        "lower": points[:, 1].max() - high,
-    }
-    side = max(over, key=lambda name: over[name])
-    if over[side] > 3.0 * outline.sigma:
+    over, side = beyond_border(camera.outline_points(outline.numbers), shape)
+    if over > 3.0 * outline.sigma:
         raise ArgumentError(
-            f"{where}: the {side} border cuts {over[side]:.0f} pixels off the ball (middle "
+            f"{where}: the {side} border cuts {over:.0f} pixels off the ball (middle "
             f"{outline.x:.0f}, {outline.y:.0f}, radius {outline.radius:.0f}); crop less, or "
             "measure its outline by hand and give it (--circles, or outline= in Python)"
         )
+
+
+def beyond_border(points: Array, shape: tuple[int, ...]) -> tuple[float, str]:
+    """How many pixels ``(n, 2)`` points reach beyond the worst border, and its name.
+
+    Below 0 where all lie within ``shape``, rows and columns.
+    """
+    over = {
+        "left": -0.5 - float(points[:, 0].min()),
+        "right": float(points[:, 0].max()) - (shape[1] - 0.5),
+        "upper": -0.5 - float(points[:, 1].min()),
+        "lower": float(points[:, 1].max()) - (shape[0] - 0.5),
+    }
+    side = max(over, key=lambda name: over[name])
+    return over[side], side
 
 
 def _no_ball(where: str, support: float) -> str:

@@ -146,6 +146,11 @@ def align(
         )
     if found.largest_shift_px is not None:
         stages.say(f"  {'':14}[dim]shifts up to {found.largest_shift_px:.2f} pixels taken out[/]")
+    for name, pixels in found.moved.items():
+        stages.say(
+            f"[yellow]warning:[/] {escape(name)} moved by {pixels:.2f} pixels against the others; "
+            "take it again, or leave out --fixed-camera, with which all have one view"
+        )
     for name, why in found.refused.items():
         stages.say(f"[yellow]warning:[/] {escape(name)} was not shifted: {escape(why)}")
     if found.covered < 1.0:

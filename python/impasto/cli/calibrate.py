@@ -123,6 +123,8 @@ def lights(
     with stages.stage("photographs") as stage:
         read = read_balls(folder, circles=circles, boxes=ball)
         stage.note = f"{_counted(len(read.balls), 'ball')}, {_counted(len(read.names), 'lamp')}"
+    for note in read.notes:
+        stages.say(f"[yellow]warning:[/] {escape(note)}")
     camera = BallCamera()
     frame, width = None, None
     if read.frame is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -56,7 +57,7 @@ def rehearse(
     seed
         Of painting, lamps and noise.
     photographs
-        Only write the photographs and print the commands.
+        Only write the photographs and print the commands, to be typed one after the other.
     quiet
         Print no more than errors.
     """
@@ -115,7 +116,7 @@ def _still(
         stage.note = str(out)
     commands = steps(session, round(LAMP_KELVIN), painting.pitch_mm)
     if only_photographs:
-        _listed(commands)
+        _listed(out, commands)
         return None
     done = _carried_out(out, commands, quiet)
     with stages.stage("truth", "the same light on the true painting"):
@@ -167,7 +168,7 @@ def _moving(
         stage.note = str(out)
     commands = moving_steps(session, painting.pitch_mm)
     if only_photographs:
-        _listed(commands)
+        _listed(out, commands)
         return None
     done = _carried_out(out, commands, quiet)
     with stages.stage("truth", "the same light and views on the true painting"):
@@ -188,9 +189,10 @@ def _moving(
     }
 
 
-def _listed(commands: list[Step]) -> None:
-    """Print the commands."""
+def _listed(out: Path, commands: list[Step]) -> None:
+    """Print the commands, after the one that goes to the folder in which they are typed."""
     page = console.stdout()
+    page.print(f"cd {shlex.quote(str(out))}", soft_wrap=True, highlight=False)
     for step in commands:
         page.print(str(step), soft_wrap=True, highlight=False)
 

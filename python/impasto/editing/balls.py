@@ -15,7 +15,7 @@ from impasto.calibrate.lights import BallPhotographs, outline_of
 from impasto.editing.photographs import TILE, Photographs
 from impasto.editing.written import WrittenFile
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.images import list_images
+from impasto.io.images import photographs_in
 
 Circle = tuple[float, float, float]
 
@@ -57,9 +57,7 @@ class BallOutlines:
         homes = ball_folders(folder)
         self._alone = bool(homes)
         self._homes = homes or [folder]
-        paths = [list_images(home) for home in self._homes]
-        if not all(paths):
-            raise ArgumentError(f"path: {folder} holds no photographs")
+        paths = [photographs_in(home) for home in self._homes]
         self._set_of = [number for number, own in enumerate(paths) for _ in own]
         self.photographs = Photographs([path for own in paths for path in own], encoding)
         self.files = [WrittenFile(home / name) for home in self._homes]
@@ -139,13 +137,15 @@ class BallOutlines:
     def _found(self, folder: Path) -> list[list[Circle]]:
         """What the detector finds in each set; a circle in the middle where it finds none."""
         try:
-            balls = read_balls(folder).balls
+            read = read_balls(folder)
         except ArgumentError as error:
             self.notes = {home.name: str(error) for home in self._homes}
             return [[self._middle(number)] for number in range(len(self._homes))]
         if self._alone:
-            return [[self._outline(ball, number)] for number, ball in enumerate(balls)]
-        return [[self._outline(ball, 0) for ball in balls]]
+            return [[self._outline(ball, number)] for number, ball in enumerate(read.balls)]
+        if read.notes:
+            self.notes[self._homes[0].name] = "; ".join(read.notes)
+        return [[self._outline(ball, 0) for ball in read.balls]]
 
     def _outline(self, ball: BallPhotographs, number: int) -> Circle:
         left, top = (0.0, 0.0) if self._alone or ball.corner is None else ball.corner

@@ -148,6 +148,7 @@ def find_session(folder: str | Path) -> FoundSession:
             "lights-from-painting finds lamps of a matte painting"
         )
     missing += [problem] if problem else []
+    missing += _calibrations_among(photographs, folder)
     missing += [note.message for note in repairs if note.kind == "missing"]
     missing += extra.missing(len(photographs if wheel is None else wheel.names))
     missing += optics.missing
@@ -178,6 +179,18 @@ def _home(folder: Path, balls: Sequence[Path]) -> Path:
             "move the others"
         )
     return inner[0]
+
+
+def _calibrations_among(photographs: Sequence[Path], folder: Path) -> list[str]:
+    """Words on pictures of calibrations that count as photographs, if there are others."""
+    shown = [path for path in photographs if _shows_a_calibration(path)]
+    if not shown or len(shown) == len(photographs):
+        return []
+    return [
+        f"{few([path.name for path in shown])}: written by impasto calibrate, but counted as "
+        f"{counted(len(shown), 'photograph')}; move what is none into {folder / 'calibration'}, "
+        "and write the session again"
+    ]
 
 
 def _shows_a_calibration(path: Path) -> bool:
