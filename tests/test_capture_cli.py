@@ -181,6 +181,13 @@ def test_a_damaged_journal_is_named(
         assert "journal.jsonl: is damaged in line 3; bring back a copy of it" in said
 
 
+def test_nothing_to_go_on_with_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words("run", "--resume", "--out", tmp_path / "out")) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "holds no capture that was begun; start it with --lights or --shots" in said
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

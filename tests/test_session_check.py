@@ -257,6 +257,19 @@ def test_changed_missing_and_damaged_files_are_all_listed(
     assert main(["session", "check", str(path)]) == 1  # missing, but nothing is damaged
 
 
+def test_exchanged_photographs_are_named_together(folder: Path) -> None:
+    path = started(folder)
+    first, second, copied = (folder / NAMES[number] for number in (1, 4, 6))
+    before = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(before)
+    copied.write_bytes((folder / NAMES[0]).read_bytes())
+    found = [one.message for one in check_session(path).findings if one.code == "changed"]
+    for one, was in ((1, 4), (4, 1), (6, 0)):
+        (message,) = [words for words in found if words.startswith(NAMES[one])]
+        assert f"holds what was {NAMES[was]} when" in message
+
+
 @pytest.mark.parametrize("what", ["photograph", "mask"])
 def test_another_size_is_named(what: str, folder: Path) -> None:
     changed = folder / (NAMES[5] if what == "photograph" else "mask.png")

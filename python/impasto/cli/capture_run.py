@@ -203,6 +203,10 @@ def _plan(
         )
     if out is not None and (own := CaptureFolder(out).shots).is_file():
         return read_shots(own)
+    if out is not None:
+        raise ArgumentError(
+            f"--resume: {out} holds no capture that was begun; start it with --lights or --shots"
+        )
     raise ArgumentError("--lights: give the light file of the rig, or a plan with --shots")
 
 

@@ -119,6 +119,7 @@ def _refused(code: str, error: Exception) -> Finding:
 def _hashes(session: Session) -> list[Finding]:
     found = []
     lost = list(problems(session))
+    listed = {digest: name for name, digest in session.sha256.items()}
     for problem in lost:
         line = f" (line {problem.line})" if problem.line else ""
         if not problem.found:
@@ -128,6 +129,16 @@ def _hashes(session: Session) -> list[Finding]:
                     "error",
                     f"{problem.name}{line} does not exist",
                     "put it back, or remove its line if the session goes without it",
+                )
+            )
+        elif problem.found in listed:
+            found.append(
+                Finding(
+                    "changed",
+                    "error",
+                    f"{problem.name}{line} holds what was {listed[problem.found]} when the session "
+                    "was written: files were exchanged, or one was copied over the other",
+                    "give both their names again, or copy them again",
                 )
             )
         else:
