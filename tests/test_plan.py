@@ -155,7 +155,7 @@ def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     assert plan.error == 0.0
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(scenes(), st.sampled_from(("dE:0.5", "dE:3", "code:1", "code:5")))
 def test_a_planned_picture_stays_within_its_tolerance(
     case: tuple[impasto.Surface, impasto.Scene], tolerance: str

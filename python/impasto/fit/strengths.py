@@ -303,10 +303,17 @@ class _Search:
     ) -> None:
         rig = stack.rig
         self._folds = fold_count(len(rig), FEWEST, _FOLDS)
-        test = HeldOut(stack, _PIXELS, index=index, threads=threads)
+        test = HeldOut(stack, _PIXELS, index=index, threads=threads, effort="standard")
         if self._folds:
             test = test.for_metal(rig).suited(rig, self._folds)
-        many = HeldOut(stack, _MANY_PIXELS, index=index, threads=threads, surfaces=test.surfaces)
+        many = HeldOut(
+            stack,
+            _MANY_PIXELS,
+            index=index,
+            threads=threads,
+            surfaces=test.surfaces,
+            effort="standard",
+        )
         self._test, self._rig, self._lobes = test, rig, lobes
         self._medians = Medians(many, rig, lobes, threads)
         self._adjustment = BundleAdjustment(test, self._at, rig.directions, threads)
