@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+import chromium
 
 SLOW = {
     "test_advice", "test_before_fit", "test_calls", "test_inputs", "test_lafortune",
@@ -26,6 +29,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.stem in SLOW:
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+    """Chromium for the tests of a file, which may have one of another size."""
+    chromium.needed()
+    folder = tmp_path_factory.mktemp("profile")
+    with chromium.Chromium(folder, size=(800, 420)) as started:
+        yield started
 
 
 @pytest.fixture(scope="session")

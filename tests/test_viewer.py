@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -123,14 +122,6 @@ SCENES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
     ("phong spectra", {"varnish": "yellowed"}, {"varnish": impasto.Varnish(yellowness=10.0)}),
 ]  # fmt: skip
 """A surface, what the page is asked for, and the same as a scene of the renderer."""
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    chromium.needed()
-    folder = tmp_path_factory.mktemp("profile")
-    with chromium.Chromium(folder, size=(800, 420)) as started:
-        yield started
 
 
 def test_the_page_has_the_pixels_of_the_renderer(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -66,14 +65,6 @@ def images() -> dict[str, RelightableImage]:
         coding="linear", components=components, lights=at,
     )  # fmt: skip
     return found
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    chromium.needed()
-    folder = tmp_path_factory.mktemp("profile")
-    with chromium.Chromium(folder, size=(800, 420)) as started:
-        yield started
 
 
 def test_a_relightable_image_is_shown_as_its_functions_say(

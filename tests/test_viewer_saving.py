@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,14 +25,6 @@ SAVED = (
     " let text = ''; for (const byte of bytes) text += String.fromCharCode(byte);"
     " return btoa(text); })"
 )
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    chromium.needed()
-    folder = tmp_path_factory.mktemp("profile")
-    with chromium.Chromium(folder, size=(800, 420)) as started:
-        yield started
 
 
 @pytest.mark.parametrize("name", ["pixels", "spectra"])
