@@ -368,3 +368,19 @@ def _coats(values: ArrayLike, size: tuple[int, ...], name: str) -> list[float | 
             f"{name}: expected a number, (coat,), {plane} or (coat, *{plane}), found {array.shape}"
         )
     return list(coats)
+
+
+def with_each_map(surface: Surface, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Surface:
+    """A surface whose maps ``(..., y, x)`` are all changed alike; single numbers stay."""
+
+    def of(value: Any) -> Any:
+        return value if value is None or np.ndim(value) == 0 else change(value)
+
+    return replace(
+        surface,
+        normal=of(surface.normal),
+        diffuse=of(surface.diffuse),
+        ambient=of(surface.ambient),
+        height=of(surface.height),
+        lobes=tuple(Lobe(of(one.strength), tuple(map(of, one.shape))) for one in surface.lobes),
+    )

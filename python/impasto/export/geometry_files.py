@@ -77,18 +77,23 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
     with export_file(out, ".png") as (path, beside):
         write_png16(path, coded_normals(normal, 16))
         angle = np.degrees(angles_between(decoded_normals(read_image(path)), normal))
-        report = LossReport(
-            "normal map",
-            ("normals of 16 bits, x right, y up, z towards the viewer",),
-            ("colours, gloss and everything else but the normals",),
-            files=written([path], path.parent),
-            measured={
-                "degrees_median": float(np.median(angle)),
-                "degrees_most": float(angle.max()),
-            },
-        )
+        report = normal_map_report(path, angle)
         report.save(beside)
     return report
+
+
+def normal_map_report(path: Path, angle: Map) -> LossReport:
+    """What a normal map keeps; ``angle``: of its normals to the painting's, in degrees."""
+    return LossReport(
+        "normal map",
+        ("normals of 16 bits, x right, y up, z towards the viewer",),
+        ("colours, gloss and everything else but the normals",),
+        files=written([path], path.parent),
+        measured={
+            "degrees_median": float(np.median(angle)),
+            "degrees_most": float(angle.max()),
+        },
+    )
 
 
 def angles_between(found: Map, normal: Map) -> Map:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
 from impasto.export.folder import export_file
-from impasto.export.geometry_files import angles_between
+from impasto.export.geometry_files import angles_between, normal_map_report
 from impasto.export.loss import LossReport, written
 from impasto.export.source import Map
 from impasto.export.stored import LOADED, StoredSource
@@ -105,17 +105,7 @@ def export_normal_map_tiles(source: StoredSource, out: Path) -> LossReport:
 
     with export_file(out, *SUFFIXES) as (path, beside):
         write_tiff_rows(path, coded(), source.shape, planes=3, dtype=np.uint16)
-        every = np.degrees(np.concatenate(angles))
-        report = LossReport(
-            "normal map",
-            ("normals of 16 bits, x right, y up, z towards the viewer",),
-            ("colours, gloss and everything else but the normals",),
-            files=written([path], path.parent),
-            measured={
-                "degrees_median": float(np.median(every)),
-                "degrees_most": float(every.max()),
-            },
-        )
+        report = normal_map_report(path, np.degrees(np.concatenate(angles)))
         report.save(beside)
     return report
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from impasto.errors import ArgumentError
 from impasto.export.source import Source
 from impasto.fit.stored import StoredLevel, StoredSbrdf
 from impasto.lighting import reduced
-from impasto.surface import Lobe, Surface
+from impasto.surface import Surface, with_each_map
 
 Plane = NDArray[np.float32]
 
@@ -173,7 +173,7 @@ def tile_window(shape: tuple[int, int], side: int, row: int, column: int) -> Win
 
 
 def _cut(surface: Surface, window: Sequence[slice]) -> Surface:
-    return _changed(surface, lambda plane: plane[..., window[0], window[1]])
+    return with_each_map(surface, lambda plane: plane[..., window[0], window[1]])
 
 
 def _padded(surface: Surface, more: Sequence[int]) -> Surface:
@@ -183,20 +183,4 @@ def _padded(surface: Surface, more: Sequence[int]) -> Surface:
         around = [(0, 0)] * (plane.ndim - 2) + [(0, count) for count in more]
         return np.pad(plane, around, "edge")
 
-    return _changed(surface, padded)
-
-
-def _changed(surface: Surface, change: Callable[[Plane], Plane]) -> Surface:
-    """All maps of a surface changed alike; where it lies is not kept."""
-
-    def of(value: Any) -> Any:
-        return value if value is None or np.ndim(value) == 0 else change(value)
-
-    return replace(
-        surface,
-        normal=of(surface.normal),
-        diffuse=of(surface.diffuse),
-        ambient=of(surface.ambient),
-        height=of(surface.height),
-        lobes=tuple(Lobe(of(one.strength), tuple(map(of, one.shape))) for one in surface.lobes),
-    )
+    return with_each_map(surface, padded)

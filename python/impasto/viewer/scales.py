@@ -22,7 +22,7 @@ from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
 from impasto.lighting import coloured, metallic, reduced
 from impasto.rig import PointView
-from impasto.surface import Lobe, Surface
+from impasto.surface import Surface, with_each_map
 from impasto.viewer.layout import QUALITY, middle_of
 
 SIDE = 256
@@ -338,21 +338,7 @@ def _halved(plane: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def cut(surface: Surface, window: Window) -> Surface:
     """A part of a surface; where it lies is not kept."""
-
-    def part(value: Any) -> Any:
-        return value if value is None or np.ndim(value) == 0 else value[(..., *window)]
-
-    lobes = tuple(
-        Lobe(part(lobe.strength), tuple(part(one) for one in lobe.shape)) for lobe in surface.lobes
-    )
-    return replace(
-        surface,
-        normal=part(surface.normal),
-        diffuse=part(surface.diffuse),
-        ambient=part(surface.ambient),
-        height=part(surface.height),
-        lobes=lobes,
-    )
+    return with_each_map(surface, lambda plane: plane[(..., *window)])
 
 
 def eye_of(view: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ const CHANNELS = ["B", "G", "R"]; // in the order of their names, as the format 
 const HALF = 1;
 
 // Where a pixel of a picture that was turned counterclockwise by quarters lies in the picture.
-export function turnedFrom(x, y, { width, height }, turns) {
+function turnedFrom(x, y, { width, height }, turns) {
   return [[x, y], [width - 1 - y, x], [width - 1 - x, height - 1 - y], [y, height - 1 - x]][turns];
 }
 
