@@ -217,19 +217,19 @@ def web(
     from impasto.cli.maps import name_of
     from impasto.cli.page import (
         camera_for_page,
+        own_environments,
         painting_beside,
         photographs_beside,
         say_notes,
         shown_result,
     )
-    from impasto.environment import Environment
     from impasto.viewer import write_site
 
     check_threads(threads)
     stages = Stages(quiet=quiet)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    rooms = [Environment.read(path) for path in environment]
+    rooms = own_environments(environment)
     painting, reflectance = shown_result(result)
     say_notes(painting, stages)
     other = painting_beside(against, stages)

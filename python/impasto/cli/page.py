@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,25 @@ def camera_for_page(camera: str | None, illuminant: str | None) -> Any:
             msg="--illuminant is the light for the sensitivities of a camera: it needs --camera"
         )
     return None
+
+
+def own_environments(paths: Sequence[Path]) -> list[Any]:
+    """Environments of a page from files, besides those that every page has.
+
+    Raises
+    ------
+    ArgumentError
+        One of those by its name.
+    """
+    from impasto.environment import Environment
+    from impasto.rooms import LABELS
+
+    if contained := [LABELS[str(path)] for path in paths if str(path) in LABELS]:
+        raise ArgumentError(
+            f"--environment: every page has {', '.join(contained)}: choose it there under Light; "
+            "this option adds .exr or .hdr files"
+        )
+    return [Environment.read(path) for path in paths]
 
 
 def say_empty(contents: Any, result: Path, stages: Stages) -> None:

@@ -70,20 +70,20 @@ def view(
     from impasto.cli.maps import name_of
     from impasto.cli.page import (
         camera_for_page,
+        own_environments,
         painting_beside,
         photographs_beside,
         say_empty,
         say_notes,
         shown_result,
     )
-    from impasto.environment import Environment
     from impasto.viewer import Contents, ViewServer
 
     check_threads(threads)
     check_port(port)
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
-    rooms = [Environment.read(path) for path in environment]
+    rooms = own_environments(environment)
     stages = Stages(quiet=False)
     with stages.stage("result") as stage:
         painting, reflectance = shown_result(result)
