@@ -11,7 +11,7 @@ from impasto import Effort
 
 @pytest.mark.parametrize("noisy", [False, True])
 def test_more_pixels_are_searched_until_the_lobe_is_known(noisy: bool) -> None:
-    """Of 25,600 pixels 6400 are enough under one varnish, all are needed with noise of three tenths.
+    """Of 25,600 pixels 6400 are enough under one varnish, and all are not with noise of 0.3.
 
     Twice the pixels a side: standard errors of half. Estimated ones scatter by a few per cent, and
     1600 pixels would have four times that of all. Without the noise both lobes are within five
