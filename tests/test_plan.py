@@ -19,8 +19,6 @@ from impasto import simulate
 from impasto.errors import ArgumentError
 
 TILE = 256
-LEFT_OUT: list[bool] = []
-"""Of each generated scene with a tolerance, whether its plan leaves something out."""
 ROOM = impasto.Environment(np.random.default_rng(5).uniform(0.0, 2.0, (3, 16, 32)), name="noise")
 SIZES = ((1, 1), (1, 300), *((37, 41), (41, 37)) * 6, (TILE, TILE), (270, 300))
 """Of which one is drawn: most errors show in small pictures, which take a hundredth of the time."""
@@ -62,8 +60,11 @@ def steepest(height: NDArray[np.float32], azimuth: float, pitch: float) -> float
 
 
 @st.composite
-def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
-    """A surface and a scene in which every effect may be there, absent or at its bound."""
+def scenes(draw: st.DrawFn, faint: bool = False) -> tuple[impasto.Surface, impasto.Scene]:
+    """A surface and a scene in which every effect may be there, absent or at its bound.
+
+    With `faint` its lobes are so weak that a plan with a tolerance may leave them out.
+    """
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     size = draw(st.sampled_from(SIZES))
     pitch = 0.5
@@ -75,7 +76,7 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
         normal[:, rng.random(size) < 0.1] = np.nan
     if draw(st.booleans()):
         normal[:, : size[0] // 2] *= -1.0
-    if draw(st.booleans()):
+    if not faint and draw(st.booleans()):
         # Longer or shorter than a unit vector: nothing is proven about these.
         normal *= draw(st.sampled_from((0.5, 1.0 + 1e-5, 3.0)))
     model = draw(st.sampled_from(("matte", "one", "maps", "tinted", "lafortune")))
@@ -83,9 +84,11 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
     patches[:, : size[1] // 2] = False
     beta = np.where(patches, rng.uniform(0.0, 3.0, size), 0.0).astype(np.float32)
     gamma = rng.uniform(0.01, 0.4, size).astype(np.float32)
-    if draw(st.booleans()):
+    if faint:
+        beta *= draw(st.sampled_from((1e-5, 1e-4, 1e-3)))
+    elif draw(st.booleans()):
         beta *= 1e3  # highlights far brighter than white
-    if draw(st.booleans()):
+    if not faint and draw(st.booleans()):
         draw(st.sampled_from((beta, gamma)))[rng.random(size) < 0.05] = np.nan
     options: dict[str, Any] = {"height": height, "pitch_mm": pitch}
     options["coated"] = draw(st.booleans())
@@ -100,7 +103,9 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
     elif model == "matte":
         surface = impasto.Surface(normal, diffuse, **options)
     else:
-        strengths: Any = {"one": 0.5, "maps": beta}.get(model, np.stack([[beta] * bands]))
+        strengths: Any = {"one": 1e-4 if faint else 0.5, "maps": beta}.get(
+            model, np.stack([[beta] * bands])
+        )
         widths: Any = {"one": 0.08}.get(model, gamma if model == "maps" else gamma[None])
         surface = impasto.Surface.torrance_sparrow(normal, diffuse, strengths, widths, **options)
     lights: list[Any] = []
@@ -130,7 +135,8 @@ def scenes(draw: st.DrawFn) -> tuple[impasto.Surface, impasto.Scene]:
         shadows=draw(st.booleans()),
         perspective=view in near and draw(st.booleans()),
         parallax=draw(st.sampled_from((None, False, True))),
-        exposure=draw(st.sampled_from((None, 0.5, "maximum"))),
+        # An effect may change the brightest pixel: under "maximum" nothing is left out.
+        exposure=draw(st.sampled_from((None, 0.5) if faint else (None, 0.5, "maximum"))),
         background=draw(st.sampled_from(((0.0, 0.0, 0.0), (0.2, 0.5, 1.0)))),
     )
     return surface, scene
@@ -155,30 +161,32 @@ def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     assert plan.error == 0.0
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
-@given(scenes(), st.sampled_from(("dE:0.5", "dE:3", "code:1", "code:5")))
-def test_a_planned_picture_stays_within_its_tolerance(
-    case: tuple[impasto.Surface, impasto.Scene], tolerance: str
-) -> None:
-    surface, scene = case
-    plan = impasto.plan(surface, scene, tolerance=tolerance, threads=1)
-    found = plan.verify(threads=1)
-    LEFT_OUT.append(any(effect.decision == "bounded" for effect in plan.effects))
-    limit = float(tolerance.split(":")[1])
-    assert plan.error <= limit
-    # Light in single precision: a difference of 1e-6 of white is 0.001 of a dE00 in the dark.
-    if tolerance.startswith("dE"):
-        assert found.delta_e <= plan.error + 0.002
-    else:
-        # Codes are rounded after the difference that the tolerance means.
-        assert found.codes <= math.ceil(limit)
+def test_planned_pictures_stay_within_their_tolerance() -> None:
+    left_out: list[bool] = []
 
+    @settings(max_examples=150, deadline=None, derandomize=True)
+    @given(
+        st.booleans().flatmap(lambda faint: scenes(faint)),
+        st.sampled_from(("dE:0.5", "dE:3", "code:1", "code:5")),
+    )
+    def check(case: tuple[impasto.Surface, impasto.Scene], tolerance: str) -> None:
+        surface, scene = case
+        plan = impasto.plan(surface, scene, tolerance=tolerance, threads=1)
+        found = plan.verify(threads=1)
+        left_out.append(any(effect.decision == "bounded" for effect in plan.effects))
+        limit = float(tolerance.split(":")[1])
+        assert plan.error <= limit
+        # Light in single precision: a difference of 1e-6 of white is 0.001 of a dE00 in the dark.
+        if tolerance.startswith("dE"):
+            assert found.delta_e <= plan.error + 0.002
+        else:
+            # Codes are rounded after the difference that the tolerance means.
+            assert found.codes <= math.ceil(limit)
 
-def test_something_is_left_out_of_many_generated_scenes() -> None:
-    """Else the test before would say nothing of bounds; it runs it again if it did not run here."""
-    if not LEFT_OUT:
-        test_a_planned_picture_stays_within_its_tolerance()
-    assert sum(LEFT_OUT) >= 10
+    check()
+    # Else nothing would be said of bounds. About a third leave something out; how many depends
+    # on the modules that are imported, whose constants Hypothesis draws among its numbers.
+    assert sum(left_out) >= 10
 
 
 def frontal(columns: int, **options: Any) -> impasto.Surface:
