@@ -3,6 +3,7 @@
 Arrays are C-contiguous; shapes and units stand in the public functions that call these.
 """
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
@@ -42,6 +43,19 @@ def predict(
     threads: int,
     progress: ProgressCallback | None,
 ) -> NDArray[np.float32]: ...
+def rig_equations(
+    surface: Surface,
+    profile: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+    rig: RigArguments,
+    intensities: NDArray[np.float64],
+    moved: Sequence[RigArguments],
+    step: float,
+    strengths: bool,
+    sample_errors: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    held: NDArray[np.bool_],
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 @type_check_only
 class LafortuneMaps(TypedDict):

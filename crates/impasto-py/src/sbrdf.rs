@@ -1,9 +1,10 @@
-//! Samples that a surface shows.
+//! Samples that a surface shows, and the adjustment of a rig to surfaces.
 
-use numpy::{PyArray4, PyArrayMethods, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4};
 use pyo3::prelude::*;
 
 use impasto::Error;
+use impasto::sbrdf::{Adjustment, LobeProfile};
 
 use crate::arrays::RigArguments;
 use crate::surface::SurfaceArguments;
@@ -34,4 +35,59 @@ pub(crate) fn predict<'py>(
     })?;
     drop(out);
     Ok(samples)
+}
+
+/// A profile of lobes: angles between normal and half vector, radians, and a factor for each.
+type ProfileArguments<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>);
+
+/// Normal equations of a rig without the unknowns of its pixels: the matrix and the right side.
+///
+/// `sample_errors` and `slopes` are `(obs, band, y, x)`; each of the rigs in `moved` has one of the free
+/// inverse distances larger by `step`.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+#[allow(clippy::too_many_arguments, reason = "those of an adjustment")]
+pub(crate) fn rig_equations<'py>(
+    py: Python<'py>,
+    surface: SurfaceArguments<'py>,
+    profile: Option<ProfileArguments<'py>>,
+    rig: RigArguments<'py>,
+    intensities: PyReadonlyArray1<'py, f64>,
+    moved: Vec<RigArguments<'py>>,
+    step: f64,
+    strengths: bool,
+    sample_errors: PyReadonlyArray4<'py, f64>,
+    slopes: PyReadonlyArray4<'py, f64>,
+    held: PyReadonlyArray1<'py, bool>,
+    threads: usize,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+    let refuse = |error: Error| errors::to_python(py, &error);
+    let [_, height, width] = surface.shape();
+    let rig = rig.rig(height, width).map_err(refuse)?;
+    let moved: Vec<_> = (moved.iter().map(|rig| rig.rig(height, width)))
+        .collect::<impasto::Result<_>>()
+        .map_err(refuse)?;
+    let surface = surface.surface().map_err(refuse)?;
+    let profile = match &profile {
+        None => None,
+        Some((knots, factors)) => {
+            Some(LobeProfile { knots: knots.as_slice()?, factors: factors.as_slice()? })
+        }
+    };
+    let adjustment = Adjustment {
+        surface: &surface,
+        profile,
+        rig: &rig,
+        intensities: intensities.as_slice()?,
+        moved: &moved,
+        step,
+        strengths,
+        errors: sample_errors.as_slice()?,
+        slopes: slopes.as_slice()?,
+        held: held.as_slice()?,
+    };
+    let found = run::call(py, threads, None, |run| adjustment.equations(run))?;
+    let numbers = found.right.len();
+    let matrix = PyArray1::from_vec(py, found.matrix).reshape([numbers, numbers])?;
+    Ok((matrix, PyArray1::from_vec(py, found.right)))
 }

@@ -1,7 +1,8 @@
 """Bundle adjustment: the numbers of a rig and the surfaces of all sampled pixels, together.
 
 Gauss-Newton on all unknowns at once [@triggs2000bundle]. Those of a pixel appear in its own samples
-only and are eliminated by their Schur complement, so that a step costs no more than the lamps. A
+only and are eliminated by their Schur complement, so that a step costs no more than the lamps
+(``crates/impasto/src/sbrdf/bundle_adjustment``). A
 search that changes rig and surfaces in turn needs many rounds instead, because each hides most of
 the other's error. The surfaces are fitted anew before every step.
 """
@@ -15,13 +16,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
+from impasto._internal.border import RigArguments
+from impasto._internal.calls import thread_count
 from impasto.fit.gauge import fall_off, log_cosine, log_elevation, log_strengths_of_tilt
-from impasto.fit.held_out import KEPT, HeldOut, log_ratios
+from impasto.fit.held_out import KEPT, HeldOut, log_ratios, trimmed_mean
 from impasto.fit.lobe_profile import Fitted, shown_by
-from impasto.fit.normal_equations import Linear, eliminated, solved
 from impasto.fit.strength_search import FEWEST, OUTLIER
 from impasto.rig import Rig
-from impasto.surface import Lobe, Surface
 
 Array = NDArray[np.float64]
 Kind = Literal["given", "held", "free"]
@@ -56,8 +58,8 @@ differ by a factor of two. Without it a lamp that no pixel shows has no equation
 _DAMPING = 1e-3
 """Relative addition to the diagonal of the equations of the rig, which what is not determined makes
 singular."""
-_TILT, _WIDTH, _PLACE, _SLOPE = 0.01, 0.02, 0.01, 0.01
-"""Steps of derivatives: of normals, of log gamma, of inverse distances, of samples (relative)."""
+_TILT, _PLACE, _SLOPE = 0.01, 0.01, 0.01
+"""Steps of derivatives: of the mean normal, of inverse distances, of samples (relative)."""
 _DARK = 1e-6
 """Least step of a sample, in shares of white."""
 
@@ -182,12 +184,10 @@ class BundleAdjustment:
             held = _photographs(count, fold, folds)
             found = self._test.surface(stack if folds == 1 else stack.take(np.flatnonzero(~held)))
             shown = found.shown(stack.rig.take(np.flatnonzero(held)), self._threads)
-            error = np.abs(self._test.truth[held] - self._test.coded(shown))
+            error = self._test.truth[held] - self._test.coded(shown)
             errors.append(error[..., found.fine].ravel())
             surfaces.append(found)
-        size = np.sort(np.concatenate(errors))
-        size = size[np.isfinite(size)]
-        return surfaces, float(size[: int(KEPT * size.size)].mean()) if size.size else np.inf
+        return surfaces, trimmed_mean(np.concatenate(errors))
 
     def _medians(self, state: RigNumbers, found: Fitted) -> Array:
         """Logarithms of strengths by median ratios; 0, as given, where a photograph is black."""
@@ -216,11 +216,11 @@ class BundleAdjustment:
         squares, kept = 0.0, np.zeros(len(state.log), np.int64)
         for fold, found in enumerate(surfaces):
             held = _photographs(len(state.log), fold, len(surfaces))
-            linear, used = self._linear(state, found, axes, held, lamps=lamps)
-            product, by_error = eliminated(linear, held)
+            errors, slopes = self._samples(state, found, held)
+            product, by_error = self._equations(state, found, axes, lamps, errors, slopes, held)
             matrix, right = matrix + product, right + by_error
-            squares += float((linear.error[..., held] ** 2).sum())
-            kept[held] += np.count_nonzero(used[..., held], axis=(0, 1))
+            squares += float((errors[held] ** 2).sum())
+            kept[held] += np.count_nonzero(slopes[held], axis=(1, 2, 3))
         squared = np.diag(matrix)[places:]
         determined = np.ones(len(state.log), np.bool_)
         if lamps:
@@ -241,12 +241,12 @@ class BundleAdjustment:
             matrix[each, each] += prior
             right[each] -= prior * state.log
             row[each] = 1.0
-        step = solved(matrix, right, row, use)
+        step = _solved(matrix, right, row, use)
         now, by = state.place[axes], step[:places]
         blocked = ((now <= 0.0) & (by < 0.0)) | ((now >= nearest) & (by > 0.0))
         if blocked.any():
             use[:places] = ~blocked
-            step = solved(matrix, right, row, use)
+            step = _solved(matrix, right, row, use)
         return step, determined
 
     def _held(self, step: Array, log: Array, found: Fitted, mean: Array) -> Array:
@@ -264,108 +264,75 @@ class BundleAdjustment:
         step = step + log_cosine(lights, now) - log_cosine(lights, mean)
         return step - fall_off(log + step, log_elevation(lights), usual, FEWEST)
 
-    def _linear(
+    def _samples(
+        self, state: RigNumbers, found: Fitted, held: NDArray[np.bool_]
+    ) -> tuple[Array, Array]:
+        """``(obs, band, y, x)`` errors in codes, and codes per light.
+
+        Both are 0 of samples that are unknown or trimmed, by the errors of those ``held``.
+        """
+        rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
+        light = shown_by(surface, found.profile, rig, self._threads).astype(np.float64)
+        coded = self._test.coded(light)
+        error = np.where(found.fine, self._test.truth - coded, np.nan)
+        size = np.abs(error)
+        known = np.isfinite(size)
+        # Least trimmed squares: samples that the model does not describe do not count.
+        judged = size[held][known[held]]
+        limit = np.quantile(judged, KEPT) if judged.size else -np.inf
+        used = known & (size <= limit)
+        by = _SLOPE * light + _DARK * self._test.white
+        slope = (self._test.coded(light + by) - coded) / by
+        return np.where(used, error, 0.0), np.where(used, slope, 0.0)
+
+    def _equations(
         self,
         state: RigNumbers,
         found: Fitted,
         axes: list[int],
-        held: NDArray[np.bool_],
-        *,
         lamps: bool,
-    ) -> tuple[Linear, NDArray[np.bool_]]:
-        """Errors in codes, weighted, and their derivatives; those ``held`` are to be small.
-
-        And which samples are used: the others are unknown or trimmed.
-        """
-        fine = found.fine
-        rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
-
-        def shown(one: Surface, rig: Rig = rig) -> Array:
-            light = shown_by(one, found.profile, rig, self._threads)[:, :, fine]
-            return np.ascontiguousarray(light.transpose(2, 1, 0), dtype=np.float64)
-
-        light = shown(surface)
-        coded = self._test.coded(light)
-        error = self._test.truth[:, :, fine].transpose(2, 1, 0) - coded
-        size = np.abs(error)
-        known = np.isfinite(size)
-        # Least trimmed squares: samples that the model does not describe do not count.
-        judged = size[..., held][known[..., held]]
-        limit = np.quantile(judged, KEPT) if judged.size else -np.inf
-        used = known & (size <= limit)
-        by = _SLOPE * light + _DARK * self._test.white
-        weight = np.where(used, (self._test.coded(light + by) - coded) / by, 0.0)[..., None]
-
-        shared = np.stack([*_by_tilt(surface, fine, shown), _by_width(surface, shown)], axis=-1)
-        own = np.stack(_by_strength(surface, fine, shown), axis=-1)
-        place = np.zeros((*light.shape, len(axes)))
-        for column, axis in enumerate(axes):
+        errors: Array,
+        slopes: Array,
+        held: NDArray[np.bool_],
+    ) -> tuple[Array, Array]:
+        """Normal equations of the rig, whose surfaces follow it; errors of those ``held``."""
+        rigs = [self._test.lit(self._at(state)).rig]
+        for axis in axes:
             near = state.place.copy()
             near[axis] += _PLACE
-            there = self._test.lit(self._at(replace(state, place=near))).rig
-            place[..., column] = (shown(surface, there) - light) / _PLACE
-        linear = Linear(
-            np.where(used, error, 0.0),
-            shared * weight,
-            own * weight,
-            place * weight,
-            light * weight[..., 0] if lamps else None,
+            rigs.append(self._test.lit(self._at(replace(state, place=near))).rig)
+        rig, *moved = map(RigArguments.of, rigs)
+        profile = found.profile
+        return _core.rig_equations(
+            found.result.surface(),
+            None if profile is None else (profile.knots, profile.factor),
+            rig,
+            rigs[0].intensities,
+            moved,
+            _PLACE,
+            lamps,
+            errors,
+            slopes,
+            held,
+            thread_count(self._threads),
         )
-        return linear, used
 
 
-def _by_tilt(
-    surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]
-) -> list[Array]:
-    """Derivatives by tilts of the normals along two axes of each."""
-    normal = surface.normal.astype(np.float64)
-    each = normal[:, fine].T
-    # The axis that is farthest from the normal.
-    across = np.eye(3)[np.argmin(np.abs(each), axis=1)]
-    first = np.cross(each, across)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    frame = (first, np.cross(each, first))
+def _solved(matrix: Array, right: Array, row: Array, use: NDArray[np.bool_]) -> Array:
+    """The least squares step of the numbers in ``use``, 0 of the others.
 
-    def tilted(by: Array) -> Array:
-        leaning = each + by
-        moved = normal.copy()
-        moved[:, fine] = (leaning / np.linalg.norm(leaning, axis=1, keepdims=True)).T
-        return shown(replace(surface, normal=moved.astype(np.float32)))
-
-    return [(tilted(_TILT * way) - tilted(-_TILT * way)) / (2.0 * _TILT) for way in frame]
-
-
-def _by_width(surface: Surface, shown: Callable[[Surface], Array]) -> Array:
-    """Derivative by the logarithm of the lobe's width."""
-    (lobe,) = surface.lobes
-
-    def wider(by: float) -> Array:
-        (gamma,) = lobe.shape
-        return shown(replace(surface, lobes=(Lobe(lobe.strength, (gamma * by,)),)))
-
-    by = wider(1.0 + _WIDTH) - wider(1.0 / (1.0 + _WIDTH))
-    return np.asarray(by / (2.0 * np.log1p(_WIDTH)))
-
-
-def _by_strength(
-    surface: Surface, fine: NDArray[np.bool_], shown: Callable[[Surface], Array]
-) -> list[Array]:
-    """Derivatives by diffuse reflectance, ambient light and strength of the lobe, per band."""
-    (lobe,) = surface.lobes
-    one, none = np.ones_like(surface.diffuse), np.zeros_like(surface.diffuse)
-    matte = (Lobe(none, lobe.shape),)
-    alone = [
-        replace(surface, diffuse=one, ambient=none, lobes=matte),
-        replace(surface, diffuse=none, ambient=one, lobes=matte),
-        replace(surface, diffuse=none, ambient=none, lobes=(Lobe(one, lobe.shape),)),
-    ]
-    ambient = none if surface.ambient is None else surface.ambient
-    strength = np.broadcast_to(lobe.strength, one.shape)
-    # What is at its bound of 0 stays there; a pixel without a lobe has no width, either.
-    return [
-        np.where((now[:, fine].T > 0.0)[..., None], shown(part), 0.0)
-        for part, now in zip(alone, (surface.diffuse, ambient, strength), strict=True)
-    ]
+    ``row @ step = 0`` where the row is not 0 (Lagrange multiplier).
+    """
+    scale = np.sqrt(np.maximum(np.diag(matrix)[use], np.finfo(np.float64).tiny))
+    system, right = matrix[np.ix_(use, use)] / np.outer(scale, scale), right[use] / scale
+    row = row[use] / scale
+    if row.any():
+        row = row[None] / np.linalg.norm(row)
+        system = np.block([[system, row.T], [row, np.zeros((1, 1))]])
+        right = np.append(right, 0.0)
+    step = np.zeros(len(use))
+    step[use] = np.linalg.lstsq(system, right, rcond=None)[0][: len(scale)] / scale
+    return step
 
 
 def _extrapolated(step: Array, before: Array) -> Array:

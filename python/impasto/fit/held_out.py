@@ -84,7 +84,7 @@ class Errors:
     @property
     def trim(self) -> float:
         """Trimmed mean over all photographs."""
-        return _trimmed(self.coded)
+        return trimmed_mean(self.coded)
 
     def pixels(self, bands: int) -> int:
         """How many pixels have an error in some photograph and band."""
@@ -93,7 +93,7 @@ class Errors:
 
     def fold(self, fold: int, folds: int) -> float:
         """Trimmed mean of one fold."""
-        return _trimmed(self.coded[fold::folds])
+        return trimmed_mean(self.coded[fold::folds])
 
     def than(self, before: Errors) -> Comparison:
         """Compared with those of another rig, photograph by photograph."""
@@ -129,6 +129,7 @@ class HeldOut:
         effort: Preset = "draft",
     ) -> None:
         self.surfaces: Surfaces = surfaces
+        self._last: tuple[Rig, Stack] | None = None
         self._effort: Preset = effort
         self._others: tuple[Surfaces, Surfaces] = ("plain", "coated")
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
@@ -160,8 +161,10 @@ class HeldOut:
 
     def lit(self, rig: Rig) -> Stack:
         """The sample under a rig of the whole painting."""
-        local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
-        return self._few._replace(rig=local)
+        if self._last is None or self._last[0] is not rig:
+            local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
+            self._last = rig, self._few._replace(rig=local)
+        return self._last[1]
 
     @property
     def coated(self) -> bool:
@@ -205,6 +208,7 @@ class HeldOut:
         behind it, and lamps as well.
         """
         other = copy(self)
+        other._last = None
         rotated = (..., slice(None, None, -1), slice(None, None, -1))
         few, mask = self._few, self._few.mask
         other._few = few._replace(
@@ -325,7 +329,8 @@ def _trimmed_squares(errors: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def _trimmed(errors: NDArray[np.float64]) -> float:
+def trimmed_mean(errors: NDArray[np.float64]) -> float:
+    """Mean of the smallest :data:`KEPT` of the sizes of known errors; infinite if none is known."""
     size = np.abs(errors[np.isfinite(errors)])
     if not size.size:
         return float("inf")

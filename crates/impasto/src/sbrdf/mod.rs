@@ -2,8 +2,10 @@
 //!
 //! [`pooled`] finds one Torrance-Sparrow lobe for the whole painting, `lobes` finds lobes of every
 //! pixel, [`lafortune`] fits Lafortune lobes in three passes. [`fit_highlight`] fits one lobe per pixel
-//! through samples of known angle. What they estimate is a [`Surface`](crate::surface::Surface).
+//! through samples of known angle. [`Adjustment`] is a rig and surfaces that are adjusted together.
+//! What they estimate is a [`Surface`](crate::surface::Surface).
 
+mod bundle_adjustment;
 mod coherence;
 mod highlight;
 pub mod lafortune;
@@ -14,6 +16,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 
+pub use bundle_adjustment::{Adjustment, LobeProfile, RigEquations};
 pub use highlight::{HighlightMaps, Highlights, fit_highlight};
 pub use lobes::{
     HALO, LearnedLobes, LobeEstimation, LobeMapsMut, LobeOptions, MAX_SHAPES, MOST_LOBES, Origin,
