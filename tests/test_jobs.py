@@ -19,6 +19,7 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
 from impasto.jobs.journal import read_journal
+from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
 
@@ -210,13 +211,8 @@ def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def interrupted(out: Path, after: int, **options: Any) -> None:
-    """A job that ends after two tiles or more, as by Ctrl-C; the last was being written."""
-
-    def stop(done: int, total: int) -> None:
-        if done == after - 1:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
+    """A job that ends after two tiles or more, as by Ctrl-C."""
+    with interrupting(after) as stop:
         impasto.run(stack(), out, progress=stop, **OPTIONS | options)
     assert not out.exists()
 
@@ -281,7 +277,7 @@ def test_a_second_run_is_refused(tmp_path: Path) -> None:
     impasto.run(stack(), out, progress=second, **OPTIONS)
     (found,) = seen
     assert (found.state, found.process) == ("running", os.getpid())
-    assert found.tiles_done in {2, 3}, "the third may be on the disk by now"
+    assert found.tiles_done in {2, 3, 4}, "the next may be on the disk by now"
     assert jobs.verify(out) == ()
 
 
@@ -475,12 +471,7 @@ def test_every_change_is_found(change: str, stores: Path, tmp_path: Path) -> Non
 
 def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> None:
     out, again = stores / "painting.zarr", tmp_path / "again.zarr"
-
-    def stop(done: int, total: int) -> None:
-        if done == 1:  # The next is on its way to the disk, and is finished.
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
+    with interrupting(2) as stop:
         jobs.rerun(out, again, progress=stop)
     assert jobs.status(again).tiles_done == 2
     assert jobs.rerun(out, again) == ()

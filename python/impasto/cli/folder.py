@@ -81,7 +81,8 @@ def read_report(folder: Path) -> dict[str, Any]:
     path = folder / REPORT
     if not folder.exists():
         raise ArgumentError(
-            f"{folder} does not exist: expected the --out folder of impasto fit or demo"
+            f"{folder} does not exist: expected the --out folder of impasto fit or demo, or the "
+            ".zarr of impasto job run or ingest"
         )
     if not path.is_file():
         raise ArgumentError(f"{folder} has no {REPORT}: it is not a result of impasto fit or demo")

@@ -75,9 +75,9 @@ def run(
     journal says so when all its files are on the disk. Until all tiles are done, the store is
     called ``out`` and ``.partial``. After an interruption, also by SIGKILL or a full disk, the same
     call goes on with the tiles that the journal does not have; at most the one being fitted and
-    those being written are lost, after Ctrl-C only the one being fitted. The files of the store are the same, byte for byte, whether a job
-    was interrupted or not, and for any number of threads. The numbers in it do not depend on the
-    size of the tiles.
+    those being written are lost, after Ctrl-C only the one being fitted. The files of the store are
+    the same, byte for byte, whether a job was interrupted or not, and for any number of threads.
+    The numbers in it do not depend on the size of the tiles.
 
     **The result is that of** ``fit_sbrdf``, **bit for bit**, if the sample of pixels that
     :func:`impasto.learn_sbrdf` learns from, two million at most, fits into half of ``memory``. Else
