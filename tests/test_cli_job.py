@@ -227,6 +227,7 @@ def test_changes_are_listed(
     captured = capsys.readouterr()
     assert captured.out.startswith(f"{shard}: has changed")
     assert "1 file is not as written or read" in captured.err
+    assert f"mv {out} {out}.partial && impasto job resume {out}" in captured.err
     assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 3
     assert capsys.readouterr().out == "normal/c/0/1/1\n"
     assert main(["info", str(out)]) == 3

@@ -169,6 +169,8 @@ def run(
         budget // 2,
         None if earlier is None else earlier.curve,
     )
+    if photographs.inside(Sample(1, photographs.size)) == 0:
+        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     if earlier is not None:
         tile = earlier.tile if tile is None else tile
         sample = earlier.sample if sample is None else sample
