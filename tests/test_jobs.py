@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import itertools
 import json
 import os
-import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,6 @@ import zarr
 import impasto
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
-from impasto.io.json_lines import opened_line, sealed_line
 from impasto.jobs import job
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
 from impasto.jobs.journal import read_journal
@@ -502,59 +499,6 @@ def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> N
         jobs.rerun(out, out)
     with pytest.raises(ResumeMismatchError, match=r"fit\.normals"):
         jobs.rerun(out, stores / "other.zarr")
-
-
-def test_lost_files_of_a_finished_store_are_made_again(stores: Path, tmp_path: Path) -> None:
-    # What the hint of ``impasto job verify`` says: under the name of an unfinished job.
-    partial, out = tmp_path / "painting.zarr.partial", tmp_path / "painting.zarr"
-    shutil.copytree(stores / "painting.zarr", partial)
-    expected = tree(partial)
-    (partial / "normal/c/0/1/0").unlink()
-    flip(partial / "diffuse/c/0/0/1")
-    flip(partial / "zarr.json")
-    shutil.rmtree(partial / "levels")
-    jobs.resume(out)
-    assert tree(out) == expected
-
-
-def test_a_foreign_journal_is_named_by_every_call(stores: Path, tmp_path: Path) -> None:
-    out = tmp_path / "painting.zarr"
-    shutil.copytree(stores / "painting.zarr", out)
-    other = impasto.run(stack(), tmp_path / "other.zarr", tile=32, pooling="none")
-    shutil.copy(other / "job/journal.jsonl", out / "job")
-    for call in (
-        jobs.status,
-        jobs.resume,
-        lambda out: jobs.export_ro_crate(out, tmp_path / "crate"),
-    ):
-        with pytest.raises(CorruptInputError, match=r"journal\.jsonl: is the journal of another"):
-            call(out)
-    assert not (tmp_path / "crate").exists()
-
-
-def test_another_version_of_the_photographs_alone_makes_no_store(
-    stores: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "painting.zarr"
-    shutil.copytree(stores / "painting.zarr", out)
-    record = out / "job/job.json"
-    record.write_text(re.sub(r'"version": "[^"]*"', '"version": "0.0.9"', record.read_text()))
-    journal = out / "job/journal.jsonl"
-    first, *others = journal.read_bytes().splitlines(keepends=True)
-    content = opened_line(first) | {"job": hashlib.sha256(record.read_bytes()).hexdigest()}
-    journal.write_bytes(sealed_line(content) + b"".join(others))
-    with pytest.raises(ResumeMismatchError, match=r"painting\.zarr cannot be made .*'0\.0\.9'"):
-        jobs.rerun(out, tmp_path / "again.zarr")
-    assert not list(tmp_path.glob("again*"))
-
-
-def test_a_crate_lacks_no_file(stores: Path, tmp_path: Path) -> None:
-    out = tmp_path / "painting.zarr"
-    shutil.copytree(stores / "painting.zarr", out)
-    (out / "normal/c/0/1/0").unlink()
-    with pytest.raises(CorruptInputError, match=r"normal/c/0/1/0: is missing; impasto job verify"):
-        jobs.export_ro_crate(out, tmp_path / "crate")
-    assert not (tmp_path / "crate").exists()
 
 
 def test_a_mask_that_is_black_everywhere_ends_a_job_before_it_begins(tmp_path: Path) -> None:

@@ -400,7 +400,7 @@ def _worked(
     stages = Stages(quiet=quiet)
     try:
         with (
-            _terminated_as_interrupted(),
+            terminated_as_interrupted(),
             connected(scheduler) as client,
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
@@ -478,7 +478,7 @@ class _Pace:
 
 
 @contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
+def terminated_as_interrupted() -> Iterator[None]:
     """SIGTERM, as of a batch system, ends a job like Ctrl-C."""
 
     def interrupt(*_: Any) -> None:

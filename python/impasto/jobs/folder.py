@@ -176,8 +176,13 @@ def _used(folder: Path) -> bool:
     )
 
 
-def check_own(partial: Path) -> None:
+def check_own(partial: Path, notes: str = NOTES) -> None:
     """Refuse a job that would write somewhere else, through a link in its folder.
+
+    Parameters
+    ----------
+    notes
+        Name of the folder in it for what is no map.
 
     Raises
     ------
@@ -185,7 +190,7 @@ def check_own(partial: Path) -> None:
         A folder in it, or a file of its notes, is a link. The folder itself may be one.
     """
     for path in partial.rglob("*"):
-        if path.is_symlink() and (path.is_dir() or NOTES in path.relative_to(partial).parts[:-1]):
+        if path.is_symlink() and (path.is_dir() or notes in path.relative_to(partial).parts[:-1]):
             raise ArgumentError(
                 f"out: {path} is a link; a job writes only into its own folder: put what it leads "
                 "to in its place, or begin anew (resume=False, --no-resume)"
@@ -214,6 +219,11 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
             f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
             "or begin anew (resume=False, --no-resume)",
         )
+    return undamaged(found, partial, notes, grid)
+
+
+def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries:
+    """What a journal says, without tiles whose files are not those that were written."""
     if problem := numbers_problem(notes, found):
         (notes / NUMBERS).unlink(missing_ok=True)
         if found.tiles:
@@ -244,7 +254,7 @@ def has_tiles(notes: Path) -> bool:
 def numbers_problem(notes: Path, entries: Entries) -> str | None:
     """What is wrong with the numbers of a job that is not finished; None: nothing."""
     path = notes / NUMBERS
-    known = [*entries.numbers, (entries.files or {}).get(f"{NOTES}/{NUMBERS}")]
+    known = [*entries.numbers, (entries.files or {}).get(f"{notes.name}/{NUMBERS}")]
     if not path.is_file():
         return "is missing"
     if path.is_symlink() or checksum(path) not in known:

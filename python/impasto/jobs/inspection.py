@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of, statistics_of
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
@@ -204,6 +205,11 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
     for folder, whole in ((target, True), (partial_of(target), False)):
         if (folder / NOTES / RECORD).exists():
             return folder, whole
+    if any((folder / MERGE).is_dir() for folder in (target, partial_of(target))):
+        raise ArgumentError(
+            f"{target} is no job, but made by impasto job merge: the same call goes on with it, and "
+            "impasto job verify compares it when it is finished"
+        )
     raise ArgumentError(
         f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
         "given as out; one that has just begun is found when its photographs have been read"

@@ -22,6 +22,8 @@ from impasto.rig import Rig
 STACK = "impasto.Stack"
 """Says that a store holds a stack."""
 STORE = ".zarr"
+MERGE = "merge"
+"""The group of a store that says how it was merged of others."""
 RESULT = "sbrdf.npz"
 """The file of a result folder that holds the whole fit."""
 
@@ -49,9 +51,14 @@ def _refuse_unfinished(target: Path) -> None:
         return
     partial = whole.with_name(whole.name + PARTIAL)
     if partial.is_dir():
+        merged = (partial / MERGE).is_dir()
+        how = (
+            "the same call of impasto.merge or impasto job merge goes on"
+            if merged
+            else f"impasto job status {whole} says how many, impasto job resume {whole} goes on"
+        )
         raise ArgumentError(
-            f"{whole} is not finished: {partial.name} has the tiles that are written so far; "
-            f"impasto job status {whole} says how many, impasto job resume {whole} goes on"
+            f"{whole} is not finished: {partial.name} has the tiles that are written so far; {how}"
         )
 
 
