@@ -1,4 +1,4 @@
-"""Finished jobs that are damaged, foreign or of another version: what is told, what is made again."""
+"""Finished jobs, damaged, foreign or of another version: what is made again, what refused."""
 
 from __future__ import annotations
 

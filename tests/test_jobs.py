@@ -17,7 +17,6 @@ import zarr
 import impasto
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
-from impasto.jobs import job
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
 from impasto.jobs.journal import read_journal
 from interrupted_jobs import interrupting
@@ -302,23 +301,6 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
         impasto.run(stack(), out, resume=False, **OPTIONS)
     with pytest.raises(ResumeMismatchError, match=r"fit\.index"):
         impasto.run(stack(), out, index=1.6, pooling="painting", tile=64)
-
-
-def test_a_running_job_says_what_it_is_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "painting.zarr"
-    seen: list[str | None] = []
-
-    def watched(function: Any) -> Any:
-        def call(*arguments: Any, **options: Any) -> Any:
-            seen.append(jobs.status(out).phase)
-            return function(*arguments, **options)
-
-        return call
-
-    for name in ("learned_model", "fit_tiles", "finish"):
-        monkeypatch.setattr(f"impasto.jobs.job.{name}", watched(getattr(job, name)))
-    impasto.run(stack(), out, **OPTIONS)
-    assert [*seen, jobs.status(out).phase] == ["learning", "tiles", "scales", None]
 
 
 def test_an_unfinished_job_can_be_begun_anew(tmp_path: Path) -> None:

@@ -1,13 +1,21 @@
-"""Tiles on their way through a job: what is made reaches the disk, whatever ends the call."""
+"""Jobs on their way: what status says of them, and that what is made reaches the disk."""
 
 from __future__ import annotations
 
 import signal
 import threading
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+import impasto
+from impasto import jobs
+from impasto.jobs import job
 from impasto.jobs.pipeline import BEHIND, pipelined
+from killed_jobs import OPTIONS, stack
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
 
 TILES = [(0, column) for column in range(BEHIND + 4)]
 
@@ -25,7 +33,6 @@ def test_tiles_come_in_their_order_through_every_step() -> None:
     assert found == [(tile, ("encoded", ("made", ("read", tile)))) for tile in TILES]
 
 
-@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="needs signals of POSIX")
 def test_ctrl_c_loses_no_tile_that_is_made() -> None:
     # The disk is slow: everything is made that may be before the first tile is written. Ctrl-C then
     # comes while the caller waits for the disk.
@@ -53,3 +60,20 @@ def test_ctrl_c_loses_no_tile_that_is_made() -> None:
         list(pipelined(TILES, lambda tile: tile, work, lambda tile, result: result, write))
     assert made == TILES[: BEHIND + 1]
     assert on_disk == made
+
+
+def test_a_running_job_says_what_it_is_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "painting.zarr"
+    seen: list[str | None] = []
+
+    def watched(function: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
+            seen.append(jobs.status(out).phase)
+            return function(*arguments, **options)
+
+        return call
+
+    for name in ("learned_model", "fit_tiles", "finish"):
+        monkeypatch.setattr(f"impasto.jobs.job.{name}", watched(getattr(job, name)))
+    impasto.run(stack(), out, **OPTIONS)
+    assert [*seen, jobs.status(out).phase] == ["learning", "tiles", "scales", None]

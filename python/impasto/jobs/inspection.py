@@ -207,8 +207,8 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
             return folder, whole
     if any((folder / MERGE).is_dir() for folder in (target, partial_of(target))):
         raise ArgumentError(
-            f"{target} is no job, but made by impasto job merge: the same call goes on with it, and "
-            "impasto job verify compares it when it is finished"
+            f"{target} is no job, but made by impasto job merge: the same call goes on with it, "
+            "and impasto job verify compares it when it is finished"
         )
     raise ArgumentError(
         f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
