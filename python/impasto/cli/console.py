@@ -144,7 +144,7 @@ class Stages:
                     show("")
                 progress.update(task, completed=done, total=total)
 
-            stage.advance, stage.show = advance, show
+            stage.advance, stage.show, stage.refresh = advance, show, progress.refresh
             yield stage
         seconds = self.timings.seconds[name]
         words = escape(f"{stage.note:<{NOTE_WIDTH}}")
@@ -158,3 +158,4 @@ class Stage:
         self.note = note
         self.advance: Advance = lambda done, total: None
         self.show: Callable[[str], None] = lambda words: None
+        self.refresh: Callable[[], None] = lambda: None
