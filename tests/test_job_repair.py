@@ -77,3 +77,12 @@ def test_a_crate_lacks_no_file(store: Path, tmp_path: Path) -> None:
     with pytest.raises(CorruptInputError, match=r"normal/c/0/1/0: is missing; impasto job verify"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     assert not (tmp_path / "crate").exists()
+
+
+def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    record = out / "job/job.json"
+    record.write_text(record.read_text().replace('"format": 1', '"format": 0'))
+    with pytest.raises(CorruptInputError, match="has the format 0, .* use the version that made"):
+        jobs.status(out)

@@ -106,7 +106,9 @@ class JobRecord:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
         if found.format != FORMAT:
             raise CorruptInputError(
-                path, f"has the format {found.format}; this version of impasto reads {FORMAT}"
+                path,
+                f"has the format {found.format}, this version of impasto reads {FORMAT}: use the "
+                "version that made it, or fit the painting anew",
             )
         return found
 
