@@ -84,5 +84,5 @@ def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) ->
     shutil.copytree(store, out)
     record = out / "job/job.json"
     record.write_text(record.read_text().replace('"format": 1', '"format": 0'))
-    with pytest.raises(CorruptInputError, match="has the format 0, .* use the version that made"):
+    with pytest.raises(CorruptInputError, match=r"has the format 0, .* use the version that made"):
         jobs.status(out)
