@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import impasto
-from impasto import jobs
+from impasto import jobs, simulate
 from killed_jobs import tree
 
 STEPS = ("open", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "link", "truncate")
@@ -184,10 +184,14 @@ def calls(folder: Path) -> dict[str, Call]:
     opened = impasto.open_sbrdf(job)
     scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
     model = impasto.learn_sbrdf(taken, pooling="painting")
+    painting = simulate.default_capture("tominaga-rgb-camera", size=(64, 112)).stack
+    whole = impasto.fit_sbrdf(painting, pooling="painting", check=False)
+    frames = [whole[:, :72], whole[:, 40:]]
 
     return {
         "run .zarr": Call(lambda out: impasto.run(taken, out, **OPTIONS)),
         "resume .zarr": Call(lambda out: impasto.run(taken, out, **OPTIONS), unfinished),
+        "merge .zarr": Call(lambda out: impasto.merge(frames, out, tile=64)),
         "ingest .zarr": Call(lambda out: jobs.ingest(taken, out, tile=16)),
         "save .zarr": Call(result.save),
         "save .npz": Call(result.save),

@@ -17,6 +17,7 @@ from command_line import complaint
 from impasto import jobs
 from impasto.cli import main
 from impasto.io import write_lights, write_stack, write_tiff16
+from interrupted_jobs import interrupting
 from killed_jobs import stack, tree
 from processes import surroundings
 
@@ -46,13 +47,8 @@ def job(source: Path, out: Path, *words: str) -> list[str]:
 
 
 def interrupted(source: Path, out: Path, after: int) -> None:
-    """After two tiles or more; the last was on its way to the disk."""
-
-    def stop(done: int, total: int) -> None:
-        if done == after - 1:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
+    """After two tiles or more."""
+    with interrupting(after) as stop:
         impasto.run(source, out, pooling="none", tile=32, progress=stop)
 
 
@@ -91,6 +87,51 @@ def test_an_interrupted_job_says_how_to_go_on(
     assert main(["job", "resume", str(out), "--quiet"]) == 0
     assert main(job(source, tmp_path / "whole.zarr", "--quiet")) == 0
     assert tree(out) == tree(tmp_path / "whole.zarr")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "info {out}",
+        "doctor {out}",
+        "render {out} --out {png}",
+        "height {out} --out {png}.tif",
+        "view {out}",
+        "export iiif {out} --out {png}",
+        "compare {out} {out}",
+        "job merge {out} {out} --out {png}.zarr",
+    ],
+)
+def test_a_store_that_is_not_finished_is_told_from_none(
+    words: str, unfinished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # By the name that it will have, and by the one that a shell completes.
+    for name in (unfinished, unfinished.with_name(unfinished.name + ".partial")):
+        filled = words.format(out=name, png=tmp_path / "made.png").split()
+        said = complaint(filled, 1, capsys)
+        assert f"{unfinished} is not finished" in said
+        assert f"impasto job resume {unfinished}" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def unfinished(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("job") / "painting.zarr"
+    interrupted(source, out, 4)
+    return out
+
+
+def test_photographs_in_a_store_are_described_and_are_no_result(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "painting.stack.zarr"
+    assert main(["ingest", str(source), "--out", str(store), "--quiet"]) == 0
+    assert main(["info", str(store), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["photographs"] == f"{len(stack().rig)} of 90 x 70 pixels, 3 bands"
+    assert found["inputs"] == str(source)
+    render = ["render", str(store), "--out", str(tmp_path / "x.png")]
+    assert "photographs, not the result of a fit" in complaint(render, 3, capsys)
 
 
 def test_a_running_job_is_seen_and_ended_from_outside(source: Path, tmp_path: Path) -> None:
@@ -186,6 +227,7 @@ def test_changes_are_listed(
     captured = capsys.readouterr()
     assert captured.out.startswith(f"{shard}: has changed")
     assert "1 file is not as written or read" in captured.err
+    assert f"mv {out} {out}.partial && impasto job resume {out}" in captured.err
     assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 3
     assert capsys.readouterr().out == "normal/c/0/1/1\n"
     assert main(["info", str(out)]) == 3

@@ -17,6 +17,7 @@ from impasto import ArgumentError, jobs
 from impasto.cli import main
 from impasto.io import write_jpeg, write_lights, write_png8, write_stack
 from impasto.jobs import cluster as client_side
+from interrupted_jobs import interrupting
 from killed_jobs import stack, tree
 from test_jobs import photographs
 
@@ -151,12 +152,7 @@ def test_a_job_goes_on_with_a_client_or_without(
 ) -> None:
     out = tmp_path / "a.zarr"
     for until, by in ((2, client), (5, None)):
-
-        def stop(done: int, total: int, until: int = until) -> None:
-            if done == until:
-                raise KeyboardInterrupt
-
-        with pytest.raises(KeyboardInterrupt):
+        with interrupting(until + 1) as stop:
             impasto.run(source, out, client=by, progress=stop, **NONE)
         # A tile that is on its way to the disk is finished.
         assert jobs.status(out).tiles_done == until + (by is None)

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.slow
 EVERY = {
     "run": 480,
     "resume": 480,
+    "merge": 800,
     "ingest": 80,
     "save": 230,
     "learned": 30,
@@ -33,7 +34,15 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, failing_steps.C
 
 
 KINDS = (
-    *("run .zarr", "resume .zarr", "ingest .zarr", "save .zarr", "save .npz", "learned .npz"),
+    *(
+        "run .zarr",
+        "resume .zarr",
+        "merge .zarr",
+        "ingest .zarr",
+        "save .zarr",
+        "save .npz",
+        "learned .npz",
+    ),
     *("export .crate", "height .tif", "render .tif"),
 )
 

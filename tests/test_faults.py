@@ -425,3 +425,11 @@ def test_ctrl_c_while_the_program_loads_is_one_line(name: str, quiet: bool) -> N
     assert done.returncode == -signal.SIGINT
     assert (done.stderr == "impasto: interrupted\n") is quiet
     assert ("Traceback" in done.stderr) is not quiet
+
+
+def test_an_error_in_a_hidden_folder_is_about_the_result_that_was_asked_for(tmp_path: Path) -> None:
+    out = tmp_path / "result"
+    with pytest.raises(OSError, match="full") as error, result_folder(out) as folder:
+        raise OSError(errno.ENOSPC, "full", str(folder / "maps.zarr" / "angle"))
+    assert error.value.filename == str(out / "maps.zarr" / "angle")
+    assert list(tmp_path.iterdir()) == []

@@ -20,6 +20,7 @@ from failing_steps import OPTIONS, stack
 from impasto import jobs
 from impasto.io import json_lines
 from impasto.io.results import zarr_store
+from interrupted_jobs import interrupting
 from killed_jobs import tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -29,16 +30,11 @@ NAMES = ("../precious/a", "/etc/passwd", "x/../../precious", "..", "status\0", "
 
 @pytest.fixture(scope="module")
 def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A result, a store of photographs, and a job of which two tiles are done."""
-
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise KeyboardInterrupt
-
+    """A result, a store of photographs, and a job of which three tiles are done."""
     folder = tmp_path_factory.mktemp("stores")
     impasto.fit_sbrdf(stack(), pooling="painting", check=False).save(folder / "result.zarr")
     jobs.ingest(stack(), folder / "stack.zarr", tile=16)
-    with pytest.raises(KeyboardInterrupt):
+    with interrupting(3) as stop:
         impasto.run(stack(), folder / "job.zarr", progress=stop, **OPTIONS)
     return folder
 

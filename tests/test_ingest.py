@@ -165,7 +165,7 @@ def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
     out = impasto.ingest(stack(), tmp_path / "stack.zarr")
     with pytest.raises(ArgumentError, match=r"out: .*stack\.zarr exists"):
         impasto.ingest(stack(), out)
-    with pytest.raises(CorruptInputError, match=r"holds impasto\.Stack, not"):
+    with pytest.raises(CorruptInputError, match=r"holds impasto\.Stack: photographs, not"):
         impasto.load_sbrdf(out)
     sbrdf = impasto.fit_sbrdf(stack(), pooling="none", normals="least-squares")
     sbrdf.save(tmp_path / "sbrdf.zarr")

@@ -18,6 +18,7 @@ from failing_steps import OPTIONS
 from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.jobs import inspection, journal
+from interrupted_jobs import interrupting
 from killed_jobs import tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -31,13 +32,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two of four tiles."""
-
-    def stop(done: int, total: int) -> None:
-        if done == 1:  # The next is on its way to the disk, and is finished.
-            raise KeyboardInterrupt
-
     out = tmp_path_factory.mktemp("half") / "a.zarr"
-    with pytest.raises(KeyboardInterrupt):
+    with interrupting(2) as stop:
         impasto.run(small_stack(), out, progress=stop, **OPTIONS)
     assert jobs.status(out).tiles_done == 2
     return out

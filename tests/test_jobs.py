@@ -19,6 +19,7 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
 from impasto.jobs.journal import read_journal
+from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
 
@@ -210,13 +211,8 @@ def test_a_killed_job_is_resumed_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 def interrupted(out: Path, after: int, **options: Any) -> None:
-    """A job that ends after two tiles or more, as by Ctrl-C; the last was being written."""
-
-    def stop(done: int, total: int) -> None:
-        if done == after - 1:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
+    """A job that ends after two tiles or more, as by Ctrl-C."""
+    with interrupting(after) as stop:
         impasto.run(stack(), out, progress=stop, **OPTIONS | options)
     assert not out.exists()
 
@@ -281,7 +277,7 @@ def test_a_second_run_is_refused(tmp_path: Path) -> None:
     impasto.run(stack(), out, progress=second, **OPTIONS)
     (found,) = seen
     assert (found.state, found.process) == ("running", os.getpid())
-    assert found.tiles_done in {2, 3}, "the third may be on the disk by now"
+    assert found.tiles_done in {2, 3, 4}, "the next may be on the disk by now"
     assert jobs.verify(out) == ()
 
 
@@ -295,7 +291,7 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
     with pytest.raises(ResumeMismatchError, match="tile: the job has 64, this call 32"):
         impasto.run(stack(), out, **OPTIONS | {"tile": 32})
     other = impasto.Stack(stack().samples[:, :, ::-1], lights=stack().rig)
-    with pytest.raises(ResumeMismatchError, match=r"inputs\.a stack in memory\.sha256"):
+    with pytest.raises(ResumeMismatchError, match="a stack in memory has changed since"):
         impasto.run(other, out, **OPTIONS)
     with pytest.raises(ArgumentError, match="give the stack"):
         jobs.resume(out)
@@ -475,12 +471,7 @@ def test_every_change_is_found(change: str, stores: Path, tmp_path: Path) -> Non
 
 def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> None:
     out, again = stores / "painting.zarr", tmp_path / "again.zarr"
-
-    def stop(done: int, total: int) -> None:
-        if done == 1:  # The next is on its way to the disk, and is finished.
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
+    with interrupting(2) as stop:
         jobs.rerun(out, again, progress=stop)
     assert jobs.status(again).tiles_done == 2
     assert jobs.rerun(out, again) == ()
@@ -492,13 +483,25 @@ def test_a_repetition_goes_on_and_is_compared(stores: Path, tmp_path: Path) -> N
         jobs.rerun(out, stores / "other.zarr")
 
 
+def test_a_mask_that_is_black_everywhere_ends_a_job_before_it_begins(tmp_path: Path) -> None:
+    path = photographs(tmp_path)
+    mask = tmp_path / "mask.png"
+    write_png8(mask, np.zeros((1, 70, 90), np.uint8))
+    for memory in ("1GiB", "3MB"):  # read whole, and by windows
+        with pytest.raises(ArgumentError, match="mask: is empty, no pixel"):
+            impasto.run(path, tmp_path / "a.zarr", memory=memory, reading={"mask": mask})
+    assert not list(tmp_path.glob("a.zarr*"))
+
+
 def test_changed_photographs_are_found(tmp_path: Path) -> None:
     path = photographs(tmp_path)
     out = impasto.run(path, tmp_path / "painting.zarr", tile=64, pooling="none")
     shutil.copy(tmp_path / "light2.tif", tmp_path / "light3.tif")
     (found,) = jobs.verify(out)
     assert str(found).endswith("light3.tif: has changed since the job read it")
-    with pytest.raises(ResumeMismatchError, match=r"light3\.tif\.sha256: the job has"):
+    with pytest.raises(
+        ResumeMismatchError, match=r"cannot be made .*light3\.tif has changed since the job"
+    ):
         jobs.rerun(out, tmp_path / "again.zarr")
     assert jobs.verify(out, inputs=False) == ()
     (tmp_path / "light3.tif").unlink()

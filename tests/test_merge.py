@@ -20,6 +20,7 @@ from command_line import complaint
 from impasto import simulate
 from impasto.cli import main
 from impasto.merge.resampling import Samples
+from killed_jobs import tree
 from overlapping_frames import Scene, at_places, rotation, scene, two_by_three
 
 SIZE, FRAME = (132, 182), (86, 88)
@@ -305,6 +306,41 @@ def test_merging_on_the_command_line(
     assert "exists; remove it" in said
     said = complaint(["job", "merge", files[0], "--out", str(tmp_path / "b.zarr")], 1, capsys)
     assert "expected two or more to merge, found 1" in said
+
+
+def test_an_interrupted_merge_goes_on_to_the_same_bytes(
+    lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    whole = tmp_path / "whole.zarr"
+    impasto.merge(parts(lobed), whole, tile=48)
+    out, partial = tmp_path / "merged.zarr", tmp_path / "merged.zarr.partial"
+
+    def stop(done: int, total: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        impasto.merge(parts(lobed), out, tile=48, progress=stop)
+    with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr is not finished.*same call"):
+        impasto.open_sbrdf(out)
+    other = [lobed[:, :75], replace(lobed, diffuse=lobed.diffuse * np.float32(0.5))[:, 45:]]
+    with pytest.raises(impasto.ResumeMismatchError, match="of other frames"):
+        impasto.merge(other, out, tile=48)
+    # One of the tiles was torn, as by a failing disk, and one was being written.
+    shard = partial / "normal/c/0/0/1"
+    shard.write_bytes(shard.read_bytes()[:-9])
+    (partial / "normal/c/0/0/.2-abc").write_bytes(b"half")
+    done: list[int] = []
+    impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
+    assert done[:2] == [0, 2], "two tiles are kept"
+    assert tree(out) == tree(whole)
+    assert impasto.jobs.verify(out) == ()
+
+
+def test_an_unfinished_job_is_not_merged_into(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
+    (tmp_path / "a.zarr.partial" / "job").mkdir(parents=True)
+    with pytest.raises(impasto.ResumeMismatchError, match=r"a\.zarr\.partial is there and is no"):
+        impasto.merge(parts(lobed), tmp_path / "a.zarr")
 
 
 def test_every_change_of_a_merged_store_is_found(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:

@@ -130,13 +130,21 @@ class Stages:
         hidden = not self._console.is_terminal
         bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
         with bars as progress, self.timings.stage(name):
-            task = progress.add_task(name, total=None, words="")
+            # Until there is progress, what is being done.
+            task = progress.add_task(name, total=None, words=note)
+            shown = note
+
+            def show(words: str) -> None:
+                nonlocal shown
+                shown = words
+                progress.update(task, words=words)
 
             def advance(done: int, total: int) -> None:
+                if done and shown == note:
+                    show("")
                 progress.update(task, completed=done, total=total)
 
-            stage.advance = advance
-            stage.show = lambda words: progress.update(task, words=words)
+            stage.advance, stage.show, stage.refresh = advance, show, progress.refresh
             yield stage
         seconds = self.timings.seconds[name]
         words = escape(f"{stage.note:<{NOTE_WIDTH}}")
@@ -150,3 +158,4 @@ class Stage:
         self.note = note
         self.advance: Advance = lambda done, total: None
         self.show: Callable[[str], None] = lambda words: None
+        self.refresh: Callable[[], None] = lambda: None

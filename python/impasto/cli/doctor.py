@@ -85,8 +85,7 @@ def doctor(
 
 def _is_result(path: Path) -> bool:
     """Whether there are the maps of a fit, not photographs."""
-    from impasto.io.results.zarr_store import contents
-    from impasto.io.session.stored import KIND
+    from impasto.io.session.stored import is_stack
 
     file = result_file(path)
     if path.suffix.lower() == ".npz" and path.is_file():
@@ -96,7 +95,7 @@ def _is_result(path: Path) -> bool:
         return False
     if file != path:
         return file.is_file()
-    return file.suffix.lower() == ".zarr" and str(contents(file)[0].get("kind")) != KIND
+    return file.suffix.lower() == ".zarr" and not is_stack(file)
 
 
 def _examined_result(path: Path, write: Path | None, *, json: bool) -> int:

@@ -13,7 +13,7 @@ from typing import Any
 from impasto._internal.damage import DAMAGE
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder
-from impasto.io.folders import sync_folders
+from impasto.io.folders import raise_by_name, sync_folders
 from impasto.io.temporary import temporary_beside
 
 REPORT = "report.json"
@@ -64,6 +64,10 @@ def result_folder(out: Path, *, inputs: Iterable[Path] = (), force: bool = False
                     sync_folders(staging)
                     staging.rename(out)
                     sync_folder(out.parent)
+        except OSError as error:
+            if error.filename is not None:
+                raise_by_name(error, staging, out)
+            raise
         finally:
             shutil.rmtree(staging, ignore_errors=True)
 
@@ -81,7 +85,8 @@ def read_report(folder: Path) -> dict[str, Any]:
     path = folder / REPORT
     if not folder.exists():
         raise ArgumentError(
-            f"{folder} does not exist: expected the --out folder of impasto fit or demo"
+            f"{folder} does not exist: expected the --out folder of impasto fit or demo, or the "
+            ".zarr of impasto job run or ingest"
         )
     if not path.is_file():
         raise ArgumentError(f"{folder} has no {REPORT}: it is not a result of impasto fit or demo")

@@ -31,8 +31,8 @@ def info(
     ----------
     result
         The --out folder of impasto fit or demo, its report.json, an sbrdf.npz, or the .zarr of
-        impasto job run; a session.toml; or an RTI file (.ptm, .rti, a folder of relight); default:
-        the installation.
+        impasto job run; photographs in the .zarr of impasto ingest; a session.toml; or an RTI file
+        (.ptm, .rti, a folder of relight); default: the installation.
     json
         Print JSON for programs.
     """
@@ -57,12 +57,39 @@ def _installation() -> dict[str, Any]:
 def _facts(path: Path) -> dict[str, Any]:
     from impasto.cli.folder import REPORT
     from impasto.io.rti import is_relightable, read_relightable
+    from impasto.io.session.stored import is_stack
 
     if _is_session(path):
         return _session(path)
     if is_relightable(path) and not (path / REPORT).is_file():
         return read_relightable(path).report()
+    if is_stack(path):
+        return _stack(path)
     return _result(path)
+
+
+def _stack(path: Path) -> dict[str, Any]:
+    """The photographs in a store of impasto ingest; of their samples a chunk is read."""
+    import impasto
+    from impasto.cli.fit import band_words
+    from impasto.io.session.stored import StoredStack
+
+    stored = StoredStack(path)
+    (observations, bands, rows, columns), dtype = stored.samples.shape, stored.samples.dtype
+    stack = impasto.read_stack(path, region=(0, 0, 1, 1))
+    near = int(stack.rig.near.sum())
+    return {
+        "photographs": f"{observations} of {columns} x {rows} pixels, {band_words(bands)}",
+        "bands": ", ".join(stack.bands),
+        "lights": ", ".join(
+            f"{count} {kind}"
+            for count, kind in ((near, "near"), (observations - near, "distant"))
+            if count
+        ),
+        "samples": f"{dtype.name}, tone curve {stack.encoding.curve}, tiles of {stored.tile}",
+        "mask": "none" if stack.mask is None else "yes",
+        "inputs": _few(stored.inputs) if stored.inputs else "samples in memory",
+    }
 
 
 def _is_session(path: Path) -> bool:
@@ -90,7 +117,8 @@ def _session(path: Path) -> dict[str, Any]:
 
 
 def _result(path: Path) -> dict[str, Any]:
-    if path.suffix.lower() == ".npz" or (path.is_dir() and result_file(path) == path):
+    own = result_file(path)
+    if path.suffix.lower() == ".npz" or (path.is_dir() and own == path):
         return _archive(path)
     from impasto.cli.fit import band_words
     from impasto.cli.folder import REPORT, read_report
@@ -223,4 +251,6 @@ def _lines(value: Any) -> list[str]:
 def _number(value: Any) -> str:
     if value is None:
         return "unknown"
+    if isinstance(value, float) and math.isnan(value):
+        return "none"  # the median of no lobes
     return f"{value:.4g}" if isinstance(value, float) else str(value)

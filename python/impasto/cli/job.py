@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
 MEMORY = "4GiB"
 LABEL_WIDTH = 12
+PHASES = {
+    "learning": "learning from the whole painting",
+    "tiles": "fitting tiles",
+    "scales": "making smaller scales",
+}
 COMMANDS = {
     "run": "Fit a painting tile by tile, or go on with that.",
     "status": "Show how far a job is.",
@@ -231,12 +236,17 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         console.print_json(asdict(found) | {"folder": str(found.folder)})
         return Exit.OK
     share = 100.0 * found.pixels_done / found.pixels
+    working = "" if found.phase is None else f", process {found.process}, {PHASES[found.phase]}"
     rows = {
-        "state": found.state if found.process is None else f"running, process {found.process}",
+        "state": f"{found.state}{working}",
         "tiles": f"{found.tiles_done} of {found.tiles}, {share:.1f} % of the pixels",
         "folder": str(found.folder),
     }
-    if found.pixels_per_second is not None and found.seconds_left is not None:
+    if (
+        found.phase != "scales"
+        and found.pixels_per_second is not None
+        and found.seconds_left is not None
+    ):
         rows["pace"] = _pace_words(found.pixels_per_second)
         rows["left"] = _time_words(found.seconds_left)
     if found.state == "interrupted":
@@ -276,6 +286,7 @@ def verify(
         page.out(str(finding))
     if findings:
         console.complain(f"{out}: {_files_words(len(findings))} not as written or read")
+        _say_how_to_repair(out, [Path(finding.file) for finding in findings])
         return Exit.CORRUPT_INPUT
     if (out / CHECKSUMS).is_file():
         page.out(f"{out}: all files are as written")
@@ -389,9 +400,9 @@ def _worked(
     stages = Stages(quiet=quiet)
     try:
         with (
-            _terminated_as_interrupted(),
+            terminated_as_interrupted(),
             connected(scheduler) as client,
-            stages.stage("tiles", "learning") as stage,
+            stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
             pace = _Pace(out)
 
@@ -451,6 +462,8 @@ class _Pace:
             self._pixels = found.pixels / found.tiles
         seconds, tiles = now - self._start[0], done - self._start[1]
         words = f"{done} of {total}"
+        if done == total:
+            return f"{words}, {PHASES['scales']}{_memory_words()}"
         if tiles and seconds > 0:
             words += f", {_pace_words(tiles * self._pixels / seconds)}"
             words += f", {_time_words((total - done) * seconds / tiles)} left"
@@ -465,7 +478,7 @@ class _Pace:
 
 
 @contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
+def terminated_as_interrupted() -> Iterator[None]:
     """SIGTERM, as of a batch system, ends a job like Ctrl-C."""
 
     def interrupt(*_: Any) -> None:
@@ -495,6 +508,25 @@ def _is_resumable(out: Path) -> bool:
 def _say_how_to_resume(out: Path) -> None:
     if _is_resumable(out):
         console.hint(f"go on with: {_resume_words(out)}")
+
+
+def _say_how_to_repair(out: Path, files: list[Path]) -> None:
+    """A job makes again what its journal has and the disk has not, of the same photographs."""
+    from impasto.jobs.checksums import CHECKSUMS
+    from impasto.jobs.folder import NOTES, partial_of
+    from impasto.jobs.inspection import folder_of
+
+    if (out / CHECKSUMS).is_file():
+        return
+    folder, whole = folder_of(out)
+    if not all(
+        file.is_relative_to(folder) and not file.is_relative_to(folder / NOTES) for file in files
+    ):
+        return
+    rename = (
+        f"mv {shlex.quote(str(folder))} {shlex.quote(str(partial_of(folder)))} && " if whole else ""
+    )
+    console.hint(f"made again, from the photographs, by: {rename}{_resume_words(out)}")
 
 
 def _resume_words(out: Path) -> str:

@@ -11,6 +11,7 @@ from rich.markup import escape
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
+from impasto.cli.job import terminated_as_interrupted
 from impasto.cli.options import Flag, SomeWhole
 
 
@@ -25,7 +26,8 @@ def merge(
 ) -> int:
     """Merge overlapping frames of one painting into one result of one scale, colour and level.
 
-    Prints where each frame lies, what was done to it, and what is left where frames overlap.
+    Prints where each frame lies, what was done to it, and what is left where frames overlap. After
+    an interruption the same command goes on.
 
     Parameters
     ----------
@@ -45,21 +47,28 @@ def merge(
         No progress, only errors.
     """
     import impasto
+    from impasto.jobs.folder import partial_of
 
     stages = Stages(quiet=quiet)
     stored = out.suffix.lower() != ".npz"
-    with stages.stage("merge", "registering") as stage:
-        merged = impasto.merge(
-            list(frames),
-            out if stored else None,
-            reference=reference,
-            white=white,
-            tile=tile,
-            progress=stage.advance,
-        )
-        if isinstance(merged.sbrdf, impasto.Sbrdf):
-            merged.sbrdf.save(out)
-        stage.note = str(out)
+    try:
+        with terminated_as_interrupted(), stages.stage("merge", "registering") as stage:
+            merged = impasto.merge(
+                list(frames),
+                out if stored else None,
+                reference=reference,
+                white=white,
+                tile=tile,
+                progress=stage.advance,
+            )
+            if isinstance(merged.sbrdf, impasto.Sbrdf):
+                merged.sbrdf.save(out)
+            stage.note = str(out)
+    except KeyboardInterrupt:
+        console.complain("interrupted")
+        if stored and partial_of(out).is_dir():
+            console.hint("the same command goes on with it")
+        return Exit.INTERRUPTED
     if json:
         console.print_json(merged.report.to_dict())
     else:

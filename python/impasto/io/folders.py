@@ -31,12 +31,12 @@ def new_folder(path: Path) -> Iterator[Path]:
             folder.chmod(0o777 & ~_umask())
             sync_folders(folder)
             put_in_place(folder, path)
-        except BaseException as error:
+        except OSError as error:
             shutil.rmtree(folder, ignore_errors=True)
-            if isinstance(error, OSError) and error.errno:
-                named = _requested(error.filename, folder, path)
-                if named is not None:
-                    raise OSError(error.errno, error.strerror, str(named)) from error
+            raise_by_name(error, folder, path)
+            raise
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
             raise
 
 
@@ -62,12 +62,20 @@ def new_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
                 source.replace(path)
             sync_folder(first.parent)
         except OSError as error:
-            named = _requested(error.filename, folder, first.parent) if error.errno else None
-            if named is None:
-                raise
-            raise OSError(error.errno, error.strerror, str(named)) from error
+            raise_by_name(error, folder, first.parent)
+            raise
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def raise_by_name(error: OSError, folder: Path, path: Path) -> None:
+    """Raise an error in the temporary folder of ``path`` once more, by the name that was asked for.
+
+    An error about something else, or not of the system, is left to the caller.
+    """
+    named = _requested(error.filename, folder, path) if error.errno else None
+    if named is not None:
+        raise OSError(error.errno, error.strerror, str(named)) from error
 
 
 def _requested(name: object, folder: Path, path: Path) -> Path | None:

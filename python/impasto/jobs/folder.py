@@ -75,12 +75,26 @@ def partial_of(target: Path) -> Path:
 
 def refuse_differences(job: JobRecord, call: JobRecord, target: Path) -> None:
     """A job goes on with the same photographs, options and version only."""
-    if found := job.differences(call):
-        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+    if found := _shown_differences(job, call):
         raise ResumeMismatchError(
-            f"out: {target} belongs to another job ({'; '.join(found[:3])}{more}); give another "
+            f"out: {target} belongs to another job ({found}); give another "
             "name, or begin anew while it is not finished (resume=False, --no-resume)"
         )
+
+
+def refuse_changes(job: JobRecord, now: JobRecord, store: Path) -> None:
+    """A job can be made as it was of the same photographs, by the same version only."""
+    if found := _shown_differences(job, now):
+        raise ResumeMismatchError(
+            f"out: {store} cannot be made as it was begun ({found}); bring back what has changed, "
+            "or fit it anew by impasto.run or impasto job run, under another name"
+        )
+
+
+def _shown_differences(job: JobRecord, call: JobRecord) -> str:
+    found = job.differences(call)
+    more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
+    return "; ".join(found[:3]) + more
 
 
 def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | None:
@@ -118,21 +132,40 @@ def remove_unfinished(partial: Path) -> None:
             shutil.rmtree(removed)
 
 
-def check_finished(target: Path, grid: Grid) -> None:
-    """Refuse a store whose journal is not closed.
+def check_finished(target: Path, grid: Grid) -> Entries:
+    """Refuse a store whose journal is not closed; what the journal says of others.
 
     Raises
     ------
     CorruptInputError
-        An unfinished job under the name of a finished one, or a journal that is damaged or missing.
+        An unfinished job under the name of a finished one, or a journal that is damaged, missing or
+        that of another job.
     """
     try:
         entries = read_journal(target / NOTES / JOURNAL)
     except FileNotFoundError as error:
         raise CorruptInputError(target / NOTES / JOURNAL, "is missing") from error
+    check_journal(target / NOTES, entries)
     if entries.files is None or len(entries.tiles) != len(grid):
         raise CorruptInputError(
             target, f"is not finished; rename it to {partial_of(target).name} and resume the job"
+        )
+    return entries
+
+
+def check_journal(notes: Path, entries: Entries) -> None:
+    """Refuse a journal that is not that of the record beside it.
+
+    Raises
+    ------
+    CorruptInputError
+        It is that of another job, or the record has changed.
+    """
+    if entries.job != digest_of(notes / RECORD):
+        raise CorruptInputError(
+            notes / JOURNAL,
+            f"is the journal of another job than {RECORD}; bring back the file that is not of this "
+            "store (impasto job verify names all that have changed)",
         )
 
 
@@ -143,8 +176,13 @@ def _used(folder: Path) -> bool:
     )
 
 
-def check_own(partial: Path) -> None:
+def check_own(partial: Path, notes: str = NOTES) -> None:
     """Refuse a job that would write somewhere else, through a link in its folder.
+
+    Parameters
+    ----------
+    notes
+        Name of the folder in it for what is no map.
 
     Raises
     ------
@@ -152,7 +190,7 @@ def check_own(partial: Path) -> None:
         A folder in it, or a file of its notes, is a link. The folder itself may be one.
     """
     for path in partial.rglob("*"):
-        if path.is_symlink() and (path.is_dir() or NOTES in path.relative_to(partial).parts[:-1]):
+        if path.is_symlink() and (path.is_dir() or notes in path.relative_to(partial).parts[:-1]):
             raise ArgumentError(
                 f"out: {path} is a link; a job writes only into its own folder: put what it leads "
                 "to in its place, or begin anew (resume=False, --no-resume)"
@@ -174,14 +212,18 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
         (notes / NUMBERS).unlink(missing_ok=True)
         return own
     found = read_journal(notes / JOURNAL)
-    if found.job != own.job:
-        raise CorruptInputError(notes / JOURNAL, f"is the journal of another job than {RECORD}")
+    check_journal(notes, found)
     if found.learned != own.learned:
         raise CorruptInputError(
             notes / LEARNED,
             f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
             "or begin anew (resume=False, --no-resume)",
         )
+    return undamaged(found, partial, notes, grid)
+
+
+def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries:
+    """What a journal says, without tiles whose files are not those that were written."""
     if problem := numbers_problem(notes, found):
         (notes / NUMBERS).unlink(missing_ok=True)
         if found.tiles:
@@ -212,7 +254,7 @@ def has_tiles(notes: Path) -> bool:
 def numbers_problem(notes: Path, entries: Entries) -> str | None:
     """What is wrong with the numbers of a job that is not finished; None: nothing."""
     path = notes / NUMBERS
-    known = [*entries.numbers, (entries.files or {}).get(f"{NOTES}/{NUMBERS}")]
+    known = [*entries.numbers, (entries.files or {}).get(f"{notes.name}/{NUMBERS}")]
     if not path.is_file():
         return "is missing"
     if path.is_symlink() or checksum(path) not in known:

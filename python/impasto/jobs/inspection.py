@@ -8,21 +8,23 @@ import re
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of, statistics_of
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
+    check_journal,
     has_begun,
     numbers_problem,
     partial_of,
     store_name,
 )
-from impasto.jobs.grid import Tile
+from impasto.jobs.grid import Grid, Tile
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK, holder
@@ -34,6 +36,9 @@ SHARD = r"[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
 """Names of the files of maps in a store."""
 RECENT = 20
 """Last tiles from which the pace of a job is taken."""
+
+
+Phase: TypeAlias = Literal["learning", "tiles", "scales"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,9 @@ class JobStatus:
         ``"finished"``.
     process
         The process that works on it.
+    phase
+        What that does: ``"learning"`` the model of the whole painting, ``"tiles"``, or ``"scales"``
+        when all tiles are there; None where nobody works on it.
     tiles_done, tiles
         Tiles on the disk, and all.
     pixels_done, pixels
@@ -67,6 +75,7 @@ class JobStatus:
     folder: Path
     state: Literal["running", "interrupted", "finished"]
     process: int | None
+    phase: Phase | None
     tiles_done: int
     tiles: int
     pixels_done: int
@@ -90,13 +99,15 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     ArgumentError
         There is no job of that name.
     CorruptInputError
-        A damaged record or journal.
+        A damaged record or journal, or the journal of another job.
     """
     folder, whole = folder_of(out)
     notes = folder / NOTES
     record = JobRecord.read(notes / RECORD)
     grid = record.grid
     entries = _entries(notes)
+    if entries is not None:
+        check_journal(notes, entries)
     pixels = grid.rows * grid.columns
     done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
     process = None if whole else holder(notes)
@@ -107,6 +118,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         folder,
         "finished" if whole else "interrupted" if process is None else "running",
         process,
+        None if process is None else _phase(entries, grid),
         0 if entries is None else len(entries.tiles),
         len(grid),
         done,
@@ -116,6 +128,12 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         tuple((str(kind), str(text)) for kind, text in record.notes),
         record.source is not None,
     )
+
+
+def _phase(entries: Entries | None, grid: Grid) -> Phase:
+    if entries is None:
+        return "learning"
+    return "tiles" if len(entries.tiles) < len(grid) else "scales"
 
 
 @dataclass(frozen=True)
@@ -187,9 +205,14 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
     for folder, whole in ((target, True), (partial_of(target), False)):
         if (folder / NOTES / RECORD).exists():
             return folder, whole
+    if any((folder / MERGE).is_dir() for folder in (target, partial_of(target))):
+        raise ArgumentError(
+            f"{target} is no job, but made by impasto job merge: the same call goes on with it, "
+            "and impasto job verify compares it when it is finished"
+        )
     raise ArgumentError(
         f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
-        "given as out"
+        "given as out; one that has just begun is found when its photographs have been read"
     )
 
 

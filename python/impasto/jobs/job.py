@@ -74,10 +74,10 @@ def run(
     (:func:`impasto.learn_sbrdf`). *Apply*: tile after tile is read, fitted and written; a line in a
     journal says so when all its files are on the disk. Until all tiles are done, the store is
     called ``out`` and ``.partial``. After an interruption, also by SIGKILL or a full disk, the same
-    call goes on with the tiles that the journal does not have; at most the one being fitted and the
-    one being written are lost. The files of the store are the same, byte for byte, whether a job
-    was interrupted or not, and for any number of threads. The numbers in it do not depend on the
-    size of the tiles.
+    call goes on with the tiles that the journal does not have; at most the one being fitted and
+    those being written are lost, after Ctrl-C only the one being fitted. The files of the store are
+    the same, byte for byte, whether a job was interrupted or not, and for any number of threads.
+    The numbers in it do not depend on the size of the tiles.
 
     **The result is that of** ``fit_sbrdf``, **bit for bit**, if the sample of pixels that
     :func:`impasto.learn_sbrdf` learns from, two million at most, fits into half of ``memory``. Else
@@ -169,6 +169,8 @@ def run(
         budget // 2,
         None if earlier is None else earlier.curve,
     )
+    if photographs.inside(Sample(1, photographs.size)) == 0:
+        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
     if earlier is not None:
         tile = earlier.tile if tile is None else tile
         sample = earlier.sample if sample is None else sample

@@ -10,7 +10,7 @@ from typing import TypeVar
 from impasto.jobs.grid import Tile
 
 BEHIND = 2
-"""Tiles that are encoded or written at a time."""
+"""Tiles that are encoded or written while the next one is made."""
 
 Read = TypeVar("Read")
 Made = TypeVar("Made")
@@ -30,8 +30,8 @@ def pipelined(
     ``work`` runs in the calling thread, each of the others in one of its own; all take the tiles in
     their order. At a time one tile is read, one is worked on, one is encoded and one is written.
 
-    Whoever leaves before the end closes this, which waits for what is being done, as an error does:
-    a tile that is written is finished.
+    Whoever leaves before the end closes this, which waits for what is being done, as an error and
+    Ctrl-C do: a tile that ``work`` has made is written.
     """
     with (
         ThreadPoolExecutor(1, "impasto-reader") as reader,
@@ -50,9 +50,10 @@ def pipelined(
             ahead = reader.submit(read, tiles[index + 1]) if index + 1 < len(tiles) else None
             made = work(tile, found)
             del found
-            if len(behind) == BEHIND:
-                yield behind.popleft().result()
+            # Before anything is waited for: Ctrl-C, which ends a wait, loses no tile that is made.
             behind.append(writer.submit(written, tile, encoder.submit(encode, tile, made)))
             del made
+            if len(behind) > BEHIND:
+                yield behind.popleft().result()
         while behind:
             yield behind.popleft().result()

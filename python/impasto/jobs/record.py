@@ -106,7 +106,9 @@ class JobRecord:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
         if found.format != FORMAT:
             raise CorruptInputError(
-                path, f"has the format {found.format}; this version of impasto reads {FORMAT}"
+                path,
+                f"has the format {found.format}, this version of impasto reads {FORMAT}: use the "
+                "version that made it, or fit the painting anew",
             )
         return found
 
@@ -117,13 +119,11 @@ class JobRecord:
         return content
 
     def differences(self, other: JobRecord) -> list[str]:
-        """What another record has else, one line each."""
-        one, two = (dict(_flat(record._by_file())) for record in (self, other))
-        return [
-            f"{name}: the job has {_shown(one.get(name))}, this call {_shown(two.get(name))}"
-            for name in sorted(one.keys() | two.keys())
-            if one.get(name) != two.get(name)
-        ]
+        """What another record has else, one line each; notes where nothing else differs."""
+        one, two = (record._by_file() for record in (self, other))
+        files = list(_file_differences(one.pop("inputs"), two.pop("inputs")))
+        notes = {"notes": one.pop("notes")}, {"notes": two.pop("notes")}
+        return [*_differences(one, two), *files] or list(_differences(*notes))
 
 
 def plain(value: Any, name: str) -> Any:
@@ -149,6 +149,26 @@ def plain(value: Any, name: str) -> Any:
         f"{name}: a job keeps its options in a file, which holds no {type(value).__name__}; give "
         "a number, a text or the name of a file"
     )
+
+
+def _differences(one: Any, two: Any) -> Iterator[str]:
+    """Options by their names, with both values."""
+    first, second = dict(_flat(one)), dict(_flat(two))
+    for name in sorted(first.keys() | second.keys()):
+        if first.get(name) != second.get(name):
+            values = _shown(first.get(name)), _shown(second.get(name))
+            yield f"{name}: the job has {values[0]}, this call {values[1]}"
+
+
+def _file_differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> Iterator[str]:
+    """Inputs by their names: of a hash nobody can tell what to do."""
+    for name in sorted(one.keys() | two.keys()):
+        if name not in two:
+            yield f"the job has read {name}, this call does not"
+        elif name not in one:
+            yield f"the job has not read {name}"
+        elif one[name] != two[name]:
+            yield f"{name} has changed since the job read it"
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

@@ -19,6 +19,7 @@ from impasto.jobs.folder import (
     checked_target,
     earlier_record,
     partial_of,
+    refuse_changes,
     refuse_differences,
 )
 from impasto.jobs.grid import bytes_of
@@ -72,7 +73,8 @@ def resume(
     if whole:
         check_finished(folder, record.grid)
         return folder
-    return _repeated(record, source, checked_target(out), memory, client, threads, progress)
+    target = checked_target(out)
+    return _repeated(record, target, source, target, memory, client, threads, progress)
 
 
 def rerun(
@@ -119,7 +121,7 @@ def rerun(
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
         refuse_differences(earlier, record, target)
-    made = _repeated(record, source, target, memory, client, threads, progress)
+    made = _repeated(record, folder, source, target, memory, client, threads, progress)
     names = {
         path.relative_to(store).as_posix()
         for store in (folder, made)
@@ -131,6 +133,7 @@ def rerun(
 
 def _repeated(
     record: JobRecord,
+    store: Path,
     source: Stack | Photographs | None,
     target: Path,
     memory: str | int,
@@ -138,7 +141,7 @@ def _repeated(
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Path:
-    """The job of a record, with the photographs as they are now."""
+    """The job of the record of a store, with the photographs as they are now."""
     need_zarr()
     if record.source is None and source is None:
         raise ArgumentError(
@@ -164,6 +167,7 @@ def _repeated(
         shape=photographs.shape,
         notes=photographs.notes,
     )
+    refuse_changes(record, found, store)
     return carry_out(
         found, photographs, target, record,
         memory=budget, client=client, threads=threads, progress=progress,

@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
 from impasto.jobs.inspection import folder_of
+from impasto.jobs.journal import Entries
 from impasto.jobs.record import JobRecord
 
 METADATA = "ro-crate-metadata.json"
@@ -69,13 +70,13 @@ def export_ro_crate(
     ArgumentError
         No job of that name, one that is not finished, or a folder that exists.
     CorruptInputError
-        A journal that is damaged.
+        A journal that is damaged, or a file of the store that is missing.
     """
     store, whole = folder_of(out)
     if not whole:
         raise ArgumentError(f"out: {store} is not finished; impasto job resume goes on with it")
     record = JobRecord.read(store / NOTES / RECORD)
-    check_finished(store, record.grid)
+    _check_files(store, check_finished(store, record.grid))
     crate = Path(folder)
     if crate.exists():
         raise ArgumentError(f"folder: {crate} already exists; give another name")
@@ -101,6 +102,16 @@ def export_ro_crate(
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         atomic_bytes(folder_of_crate / METADATA, (text + "\n").encode())
     return crate
+
+
+def _check_files(store: Path, entries: Entries) -> None:
+    """Nothing that the journal has is missing; checksums are left to ``verify``."""
+    shards = (name for entry in entries.tiles.values() for name in entry.shards)
+    for name in (*(entries.files or {}), *shards):
+        if not (store / name).is_file():
+            raise CorruptInputError(
+                store / name, f"is missing; impasto job verify {store} lists all that is not whole"
+            )
 
 
 def _link_all(store: Path, target: Path) -> None:

@@ -24,7 +24,7 @@ from impasto.merge.levels import tilt_of
 from impasto.merge.models import model_of
 from impasto.merge.report import FrameReport, MergeReport
 from impasto.merge.solution import Solution, solved
-from impasto.merge.store import write_store
+from impasto.merge.store import check_begun, write_store
 
 TILE = 512
 """Rows and columns of a tile, if nobody says otherwise."""
@@ -78,7 +78,8 @@ def merge(
     out
         A name that ends in ``.zarr`` and does not exist: the result is written there tile by tile,
         in the memory of a tile, with its smaller scales and ``merge/report.json``. Frames that are
-        ``.zarr`` are read by windows. Default: the result is in memory.
+        ``.zarr`` are read by windows. Until it is whole it is called ``out`` and ``.partial``; the
+        same call goes on with that after an interruption. Default: the result is in memory.
     reference
         Number of the frame whose scale, direction, plane and lamps are those of the result;
         default: the first.
@@ -105,7 +106,9 @@ def merge(
     ------
     ArgumentError
         Frames that nothing connects with the others, by name; fewer than two; other bands, lobes or
-        interfaces; an ``out`` that exists.
+        interfaces; an ``out`` that exists, or that another process is making.
+    ResumeMismatchError
+        An interrupted merge of this name had other frames or options.
     CorruptInputError
         A damaged frame.
     MissingExtraError
@@ -203,4 +206,5 @@ def _checked_out(out: str | os.PathLike[str]) -> Path:
     if target.exists() or target.is_symlink():
         raise ArgumentError(f"out: {target} exists; remove it or give another name")
     need_zarr()
+    check_begun(target)
     return target

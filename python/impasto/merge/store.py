@@ -1,27 +1,42 @@
-"""The merged painting in a store, tile by tile."""
+"""The merged painting in a store, tile by tile, resumable after anything."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
-from impasto.io.files import atomic_bytes, atomic_together
-from impasto.io.folders import new_folder
-from impasto.io.json_lines import crc_of
+from impasto import _core
+from impasto.errors import ResumeMismatchError
+from impasto.fit.stored import StoredSbrdf
+from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
+from impasto.io.folders import sync_folders
+from impasto.io.npz import read_npz
+from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP
-from impasto.jobs.assembly import KNOWN, complete, files_of_tile
+from impasto.jobs.assembly import complete, files_of_tile
 from impasto.jobs.checksums import CHECKSUMS, checksums_file
+from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamaged
 from impasto.jobs.grid import Grid
+from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
+from impasto.jobs.lock import LOCK, locked
+from impasto.jobs.tiles import NUMBERS, PACE, EncodedTile, TileLog
 from impasto.merge.blend import Mosaic
+from impasto.merge.frames import Frame
 from impasto.merge.report import MergeReport
+from impasto.report import file_entry
 
-NOTES = "merge"
+NOTES = MERGE
 REPORT = f"{NOTES}/report.json"
 """What :class:`MergeReport` says, in the store."""
+LISTS = (f"job/{JOURNAL}", CHECKSUMS)
+"""Files of a store that have the checksum of every other one."""
 
 
 def write_store(
@@ -31,22 +46,123 @@ def write_store(
     report: MergeReport,
     done: Callable[[int], None],
 ) -> None:
-    """Make a store that appears whole or not at all; ``done`` is called after every tile.
+    """Make a store, or go on with one that was interrupted; ``done`` is called after every tile.
 
-    It has the checksums of all of its files, as a job has them in its journal.
+    Until it is whole it has the name of an unfinished job, and a journal as that has. It then has
+    the checksums of all of its files, and the bytes of one that was made in one go.
+
+    Raises
+    ------
+    ArgumentError
+        Another process is at it, or its folder leads elsewhere by a link.
+    ResumeMismatchError
+        What was interrupted is a merge of other frames or with other options.
     """
-    left: dict[str, NDArray[Any]] | None = None
-    crcs: dict[str, str] = {}
-    with new_folder(target) as folder:
-        for count, tile in enumerate(grid):
-            part = mosaic.part(*grid.window(tile))
-            files, beside = files_of_tile(grid, tile, part, "single", mosaic.rig)
-            atomic_together({folder / name: data for name, data in files.items()})
-            crcs |= {name: crc_of(data) for name, data in files.items()}
-            if left is None or (beside[KNOWN] and not left[KNOWN]):
-                left = beside
-            done(count + 1)
-        assert left is not None
+    partial = partial_of(target)
+    notes = partial / NOTES
+    merge = _digest(mosaic, grid, report)
+    check_own(partial, NOTES)
+    with as_problem_of(partial):
+        notes.mkdir(parents=True, exist_ok=True)
+    with locked(notes):
+        clear(partial)
+        with (
+            closing(Journal(notes / JOURNAL, _entries(partial, grid, merge))) as journal,
+            as_problem_of(partial),
+        ):
+            sync_folder(partial.parent)
+            left = _write_tiles(partial, mosaic, grid, journal, done)
+            shards = {name: crc for one in left.tiles.values() for name, crc in one.shards.items()}
         more = {f"{NOTES}/{METADATA}": EMPTY_GROUP, REPORT: report.to_json().encode()}
-        crcs |= complete(folder, left, grid, "single", more)
-        atomic_bytes(folder / CHECKSUMS, checksums_file(crcs))
+        crcs = shards | complete(partial, read_npz(notes / NUMBERS), grid, "single", more)
+        atomic_bytes(partial / CHECKSUMS, checksums_file(crcs))
+        with as_problem_of(target):
+            for name in (NUMBERS, PACE, JOURNAL):
+                (notes / name).unlink(missing_ok=True)
+            sync_folders(partial)
+            partial.rename(target)
+            # Not before: another process could take a lock of its own.
+            (target / NOTES / LOCK).unlink()
+            sync_folder(target / NOTES)
+            sync_folder(target.parent)
+
+
+def _write_tiles(
+    partial: Path, mosaic: Mosaic, grid: Grid, journal: Journal, done: Callable[[int], None]
+) -> Entries:
+    """Blend and write the tiles that the journal has not; what it has then."""
+    log = TileLog(partial / NOTES, grid, journal, done)
+    done(len(journal.entries.tiles))
+    for tile in grid:
+        if tile in journal.entries.tiles:
+            continue
+        part = mosaic.part(*grid.window(tile))
+        files, numbers = files_of_tile(grid, tile, part, "single", mosaic.rig)
+        encoded = EncodedTile(int(part.estimated.sum()), files, numbers)
+        log.add(tile, encoded.write(partial, numbers=log.wants_numbers))
+        log.report()
+    return journal.entries
+
+
+def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
+    """The journal of an interrupted merge, without tiles whose files are not as it wrote them."""
+    notes = partial / NOTES
+    own = Entries(merge, "")
+    if not has_begun(notes):
+        (notes / NUMBERS).unlink(missing_ok=True)
+        return own
+    found = read_journal(notes / JOURNAL)
+    if found.job != merge:
+        raise ResumeMismatchError(
+            f"out: {partial} is an unfinished merge of other frames, with other options or by "
+            "another version; remove that folder, or give another name"
+        )
+    return undamaged(found, partial, notes, grid)
+
+
+def check_begun(target: Path) -> None:
+    """Refuse an unfinished store of this name that was not begun by a merge."""
+    partial = partial_of(target)
+    if partial.exists() and not (partial / NOTES).is_dir():
+        raise ResumeMismatchError(
+            f"out: {partial} is there and is no merge, but perhaps an unfinished job; remove that "
+            "folder, or give another name"
+        )
+
+
+def _digest(mosaic: Mosaic, grid: Grid, report: MergeReport) -> str:
+    """SHA-256 of all that the bytes of the store follow from."""
+    found = hashlib.sha256(json.dumps([_core.build_info()["version"], grid.tile]).encode())
+    found.update(report.to_json().encode())
+    for place in mosaic.placements:
+        found.update(np.concatenate([place.linear.ravel(), place.offset]).tobytes())
+    for numbers in (mosaic.gains, mosaic.rotations):
+        found.update(np.ascontiguousarray(numbers).tobytes())
+    found.update("".join(_digests_of(mosaic.frames)).encode())
+    return found.hexdigest()
+
+
+def _digests_of(frames: Sequence[Frame]) -> list[str]:
+    """SHA-256 of what every frame holds, of a store by its list of checksums if it has one."""
+    return [
+        _digest_of_store(frame.result.path)
+        if isinstance(frame.result, StoredSbrdf)
+        else _digest_of_arrays(frame.result._saved())
+        for frame in frames
+    ]
+
+
+def _digest_of_store(store: Path) -> str:
+    lists = [store / name for name in LISTS if (store / name).is_file()]
+    files = lists or sorted(path for path in store.rglob("*") if path.is_file())
+    entries = [file_entry(path, store) for path in files]
+    return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
+
+
+def _digest_of_arrays(arrays: dict[str, Any]) -> str:
+    found = hashlib.sha256()
+    for name, values in sorted(arrays.items()):
+        array = np.ascontiguousarray(values)
+        found.update(json.dumps([name, array.dtype.str, array.shape]).encode())
+        found.update(array.tobytes() if array.dtype.kind == "U" else array.data)
+    return found.hexdigest()

@@ -18,7 +18,7 @@ from impasto.fit.relief import Relief
 from impasto.fit.result import Sbrdf
 from impasto.fit.saved import map_names
 from impasto.fit.sbrdf import RESULTS
-from impasto.io.results import checked_maps
+from impasto.io.results import checked_maps, other_kind
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import read_array, read_window
 
@@ -52,7 +52,7 @@ class StoredMaps:
         self.path = path
         kind = str(text.get("kind", "something else"))
         if kind not in RESULTS:
-            raise CorruptInputError(path, f"holds {kind}, not {' or '.join(RESULTS)}")
+            raise CorruptInputError(path, other_kind(kind, RESULTS))
         self.kind: type[Sbrdf] = RESULTS[kind]
         self._text = text
         names = set(map_names(self.kind))

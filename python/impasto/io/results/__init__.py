@@ -2,8 +2,10 @@
 
 from impasto.io.results.maps import (
     RESULT,
+    STACK,
     SavedMaps,
     checked_maps,
+    other_kind,
     read_maps,
     result_file,
     rig_arrays,
@@ -14,10 +16,12 @@ from impasto.io.results.store import STORES, MapStore
 
 __all__ = [
     "RESULT",
+    "STACK",
     "STORES",
     "MapStore",
     "SavedMaps",
     "checked_maps",
+    "other_kind",
     "read_maps",
     "result_file",
     "rig_arrays",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,19 +16,61 @@ from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.folders import recover
 from impasto.io.results.store import STORES, store_of
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
+from impasto.io.temporary import PARTIAL
 from impasto.rig import Rig
 
+STACK = "impasto.Stack"
+"""Says that a store holds a stack."""
+STORE = ".zarr"
+MERGE = "merge"
+"""The group of a store that says how it was merged of others."""
 RESULT = "sbrdf.npz"
 """The file of a result folder that holds the whole fit."""
 
 
 def result_file(path: str | os.PathLike[str]) -> Path:
-    """The file or store that holds a result: the path itself, or what a result folder has of it."""
+    """The file or store that holds a result: the path itself, or what a result folder has of it.
+
+    Raises
+    ------
+    ArgumentError
+        A store whose job has not finished it.
+    """
     target = Path(path)
     if target.suffix.lower() in STORES:
         recover(target)
+    _refuse_unfinished(target)
     stored = target.suffix.lower() in STORES and not (target / RESULT).is_file()
     return target / RESULT if target.is_dir() and not stored else target
+
+
+def _refuse_unfinished(target: Path) -> None:
+    """A store that a job has begun lies under another name until its last tile is written."""
+    whole = target.with_name(target.name.removesuffix(PARTIAL)) if target.name else target
+    if whole.suffix.lower() != STORE or whole.exists():
+        return
+    partial = whole.with_name(whole.name + PARTIAL)
+    if partial.is_dir():
+        merged = (partial / MERGE).is_dir()
+        how = (
+            "the same call of impasto.merge or impasto job merge goes on"
+            if merged
+            else f"impasto job status {whole} says how many, impasto job resume {whole} goes on"
+        )
+        raise ArgumentError(
+            f"{whole} is not finished: {partial.name} has the tiles that are written so far; {how}"
+        )
+
+
+def other_kind(found: str, wanted: Collection[str]) -> str:
+    """What is wrong with a file of this kind where one of others is expected."""
+    if found == STACK:
+        return (
+            f"holds {found}: photographs, not the result of a fit; make one of them by impasto job "
+            "run, or impasto fit"
+        )
+    words = "no result of a fit" if len(wanted) > 1 else f"not {next(iter(wanted))}"
+    return f"holds {found}, {words}"
 
 
 class SavedMaps:
@@ -103,7 +145,7 @@ def checked_maps(
     with damage_of(target, "a result"):
         found = str(arrays.get("kind", "something else"))
     if found not in kinds:
-        raise CorruptInputError(target, f"holds {found}, not {' or '.join(kinds)}")
+        raise CorruptInputError(target, other_kind(found, kinds))
     try:
         yield SavedMaps(target, found, arrays)
     except CorruptInputError:

@@ -229,7 +229,9 @@ def _checked(path: Path) -> dict[str, Any]:
         raise CorruptInputError(path / METADATA, "is damaged: its checksum does not agree")
     if own.get("format") != FORMAT:
         raise CorruptInputError(
-            path, f"has the format {own.get('format')}; this version of impasto reads {FORMAT}"
+            path,
+            f"has the format {own.get('format')}, this version of impasto reads {FORMAT}: use the "
+            "version that made it, or fit the painting anew",
         )
     return own
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.windows import Window, offset
 from impasto.errors import ArgumentError, CorruptInputError
+from impasto.io.results.maps import STACK
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import contents, read_array, read_window
 from impasto.io.session.archive import arrays_beside_samples, refuse_options, stack_of_arrays
@@ -19,10 +20,15 @@ from impasto.io.sources import Source
 from impasto.rig import Rig
 from impasto.stack import Stack
 
-KIND = "impasto.Stack"
-"""Says that a store holds a stack."""
 SUFFIX = ".zarr"
 SAMPLES = "samples"
+
+
+def is_stack(path: Path) -> bool:
+    """Whether a store that can be read holds photographs."""
+    if path.suffix.lower() != SUFFIX or not path.is_dir():
+        return False
+    return str(contents(path)[0].get("kind")) == STACK
 
 
 class StoredStack:
@@ -44,8 +50,8 @@ class StoredStack:
         self._arrays = {array.name: array for array in arrays}
         self._path = path
         found = str(self._text.get("kind", "something else"))
-        if found != KIND:
-            raise CorruptInputError(path, f"holds {found}, not {KIND}: no photographs")
+        if found != STACK:
+            raise CorruptInputError(path, f"holds {found}, not {STACK}: no photographs")
         samples = self._arrays.get(SAMPLES)
         if samples is None or samples.tile is None or len(samples.shape) != 4 or 0 in samples.shape:
             raise CorruptInputError(path, "has no array 'samples' (obs, band, y, x) in tiles")
@@ -68,6 +74,12 @@ class StoredStack:
         """Rows and columns of the photographs."""
         height, width = self.samples.shape[2:]
         return height, width
+
+    @property
+    def inputs(self) -> list[str]:
+        """The files that the store was made of, as they were called; none of a stack in memory."""
+        rows = np.atleast_2d(self._text.get("inputs", np.empty((0, 1), np.str_)))
+        return [str(row[0]) for row in rows if len(row)]
 
     def files(self) -> list[Path]:
         """Every file of the store."""
@@ -158,4 +170,4 @@ def arrays_of_store(stack: Stack) -> dict[str, NDArray[Any]]:
     whole = stack._replace(rig=Rig(stack.rig, origin=(0.0, 0.0)))
     arrays = arrays_beside_samples(whole)
     arrays.pop("mask", None)
-    return {"kind": np.array(KIND), **arrays}
+    return {"kind": np.array(STACK), **arrays}

@@ -1,0 +1,88 @@
+"""Finished jobs, damaged, foreign or of another version: what is made again, what refused."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+import impasto
+from impasto import CorruptInputError, ResumeMismatchError, jobs
+from impasto.io import write_stack
+from impasto.io.json_lines import opened_line, sealed_line
+from killed_jobs import OPTIONS, stack, tree
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished job of photographs in a file."""
+    folder = tmp_path_factory.mktemp("store")
+    write_stack(folder / "painting.npz", stack())
+    return impasto.run(folder / "painting.npz", folder / "painting.zarr", **OPTIONS)
+
+
+def test_lost_files_of_a_finished_store_are_made_again(store: Path, tmp_path: Path) -> None:
+    # What the hint of ``impasto job verify`` says: under the name of an unfinished job.
+    partial, out = tmp_path / "painting.zarr.partial", tmp_path / "painting.zarr"
+    shutil.copytree(store, partial)
+    expected = tree(partial)
+    (partial / "normal/c/0/1/0").unlink()
+    for name in ("diffuse/c/0/0/1", "zarr.json"):
+        data = bytearray((partial / name).read_bytes())
+        data[7] ^= 1
+        (partial / name).write_bytes(data)
+    shutil.rmtree(partial / "levels")
+    jobs.resume(out)
+    assert tree(out) == expected
+
+
+def test_a_foreign_journal_is_named_by_every_call(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    other = impasto.run(stack(), tmp_path / "other.zarr", tile=32, pooling="none")
+    shutil.copy(other / "job/journal.jsonl", out / "job")
+    for call in (
+        jobs.status,
+        jobs.resume,
+        lambda out: jobs.export_ro_crate(out, tmp_path / "crate"),
+    ):
+        with pytest.raises(CorruptInputError, match=r"journal\.jsonl: is the journal of another"):
+            call(out)
+    assert not (tmp_path / "crate").exists()
+
+
+def test_another_version_does_not_repeat_a_store(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    record = out / "job/job.json"
+    record.write_text(re.sub(r'"version": "[^"]*"', '"version": "0.0.9"', record.read_text()))
+    journal = out / "job/journal.jsonl"
+    first, *others = journal.read_bytes().splitlines(keepends=True)
+    content = opened_line(first) | {"job": hashlib.sha256(record.read_bytes()).hexdigest()}
+    journal.write_bytes(sealed_line(content) + b"".join(others))
+    with pytest.raises(ResumeMismatchError, match=r"painting\.zarr cannot be made .*'0\.0\.9'"):
+        jobs.rerun(out, tmp_path / "again.zarr")
+    assert not list(tmp_path.glob("again*"))
+
+
+def test_a_crate_lacks_no_file(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    (out / "normal/c/0/1/0").unlink()
+    with pytest.raises(CorruptInputError, match=r"normal/c/0/1/0: is missing; impasto job verify"):
+        jobs.export_ro_crate(out, tmp_path / "crate")
+    assert not (tmp_path / "crate").exists()
+
+
+def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    record = out / "job/job.json"
+    record.write_text(record.read_text().replace('"format": 1', '"format": 0'))
+    with pytest.raises(CorruptInputError, match=r"has the format 0, .* use the version that made"):
+        jobs.status(out)
