@@ -129,6 +129,16 @@ def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:
         )
 
 
+def say_false_colours(stages: Stages, result: Any, reflectance: Any) -> None:
+    """That three of the bands stand in for red, green and blue, where they do."""
+    count = len(result.bands)
+    if reflectance is None and count not in {1, 3}:
+        stages.say(
+            f"  {'':14}[yellow]false colours: three of {count} bands stand in for red, green and "
+            "blue; fit again with --camera for true ones[/]"
+        )
+
+
 def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
     """The plane of a panel that leans, if its rotation is wanted; otherwise False."""
     import impasto
