@@ -108,7 +108,6 @@ def test_lights_behind_the_painting() -> None:
         (lambda: fit_sbrdf(stack(), index=101, pooling="painting"), "index"),
         (lambda: altered(stack().samples, saturation=0), "saturation"),
         (lambda: altered(stack().samples, saturation=[1.0, -1.0, 1.0]), "saturation"),
-        (lambda: surface(5.0, 0.1, length=3.0), "normal"),
         (lambda: surface(-5.0, 0.1), "beta"),
         (lambda: surface(5.0, -0.1), "gamma"),
         (lambda: simulate.painting(-1, SIZE), "seed"),
@@ -127,7 +126,9 @@ def surface(beta: float, gamma: float, length: float = 1.0) -> Surface:
     return Surface.torrance_sparrow(normal, np.full((3, *SIZE), 0.4), beta, gamma)
 
 
-def test_degrees_for_radians_are_pointed_out() -> None:
+def test_degrees_for_radians_and_normals_of_another_length_are_pointed_out() -> None:
+    with pytest.warns(ImpastoWarning, match="^normal: .* found lengths of about 3, by which"):
+        assert surface(5.0, 0.1, length=3.0).shape == SIZE
     with pytest.warns(ImpastoWarning, match=r"^gamma: .* radians, 7 degrees are 0\.122"):
         surface(5.0, 7.0)
     # Neither the widest lobe that is fitted nor one without any width, which `overview` draws.

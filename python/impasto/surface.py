@@ -107,8 +107,12 @@ class Surface(Viewable, Relightable):
     Raises
     ------
     ArgumentError
-        Shapes that disagree, normals that are no unit vectors, an index outside 1 to 100, an
-        unknown model.
+        Shapes that disagree, an index outside 1 to 100, an unknown model.
+
+    Warns
+    -----
+    ImpastoWarning
+        Normals that are no unit vectors.
     """
 
     normal: Map
@@ -126,6 +130,7 @@ class Surface(Viewable, Relightable):
         normal, diffuse = _ground(self.normal, self.diffuse)
         one_of(self.model, get_args(LobeModel), "model")
         set_ = object.__setattr__
+        _warn_of_lengths(normal)
         set_(self, "normal", normal)
         set_(self, "diffuse", diffuse)
         set_(self, "lobes", tuple(_lobe(lobe, self.model, diffuse.shape) for lobe in self.lobes))
@@ -167,12 +172,12 @@ class Surface(Viewable, Relightable):
         Raises
         ------
         ArgumentError
-            Shapes that disagree, normals that are no unit vectors, a negative number.
+            Shapes that disagree, a negative number.
 
         Warns
         -----
         ImpastoWarning
-            A gamma that can only be meant in degrees.
+            A gamma that can only be meant in degrees; normals that are no unit vectors.
         """
         normal, diffuse = _ground(normal, diffuse)
         strengths = _coats(beta, diffuse.shape, "beta")
@@ -334,7 +339,6 @@ def _ground(normal: ArrayLike, diffuse: ArrayLike) -> tuple[Map, Map]:
     expected = (3, *colours.shape[1:])
     if normals.shape != expected:
         raise ArgumentError(f"normal: expected shape {expected}, found {normals.shape}")
-    _check_lengths(normals)
     return normals, colours
 
 
@@ -342,8 +346,8 @@ _SAMPLE = 4096
 """Pixels that tell whether maps are in other units: a surface is made for every tile."""
 
 
-def _check_lengths(normals: Map) -> None:
-    """Refuse vectors that are no unit vectors: light would be multiplied by their length."""
+def _warn_of_lengths(normals: Map) -> None:
+    """Point out vectors that are no unit vectors: light is multiplied by their length."""
     flat = normals.reshape(3, -1)
     some = flat[:, :: max(1, flat.shape[1] // _SAMPLE)].astype(np.float64)
     squares = (some * some).sum(axis=0)
@@ -351,9 +355,11 @@ def _check_lengths(normals: Map) -> None:
     length = float(np.sqrt(np.median(known))) if known.size else 1.0
     # Codes of 8 bits, (n + 1) / 2, are off by 1 % at most.
     if not 0.9 < length < 1.1:
-        raise ArgumentError(
-            f"normal: expected unit vectors (3, y, x), found lengths of about {length:.3g}; a "
-            "picture of normals holds (n + 1) / 2"
+        warnings.warn(
+            f"normal: expected unit vectors (3, y, x), found lengths of about {length:.3g}, by "
+            "which light is multiplied; a picture of normals holds (n + 1) / 2",
+            ImpastoWarning,
+            stacklevel=4,
         )
 
 
