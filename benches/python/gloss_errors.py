@@ -78,7 +78,9 @@ def rows() -> list[dict[str, Any]]:
             row: dict[str, Any] = {"varnish": varnish, "lamps": lamps, "beta": None, "gamma": None}
             if varnish in POOLED:
                 pairs = [of_painting(varnish, lamps, 1 + i) for i in range(PAINTINGS["painting"])]
-                row |= dict(zip(("beta", "gamma"), map(quantile, zip(*pairs)), strict=True))
+                row |= dict(
+                    zip(("beta", "gamma"), map(quantile, zip(*pairs, strict=True)), strict=True)
+                )
             pixels = [of_pixels(varnish, lamps, 1 + i) for i in range(PAINTINGS["pixel"])]
             row["pixel"] = quantile(np.concatenate(pixels))
             found.append(row)
