@@ -1,10 +1,10 @@
-"""How many normals gross outliers turn, such as a flash or an insect: Lafortune lobes.
+"""How many normals gross outliers mislead, such as a flash or an insect: Lafortune lobes.
 
     python benches/python/flashes.py [--record]
 
 Three simulated paintings of 12 x 14 pixels with patches of varnish, photographed with all 770 pairs
 of light and view of the third paper, or with every seventh. In every pixel some photographs, other
-ones in each, show a flash. A normal is turned where its error exceeds both 0.1 degrees and three
+ones in each, show a flash. A normal is misled where its error exceeds both 0.1 degrees and three
 times that without flashes. ``--record`` writes benches/results/flashes.json and sets the table of
 docs/models.md.
 """
@@ -42,8 +42,8 @@ def errors(samples: np.ndarray, rig: impasto.Rig, normal: Any) -> np.ndarray:
     return np.asarray(normal_error(fit.normal, normal))
 
 
-def turned(seed: int, cases: list[tuple[int, float, int]]) -> list[int]:
-    """Normals that flashes turn, for cases of the same photographs."""
+def misled(seed: int, cases: list[tuple[int, float, int]]) -> list[int]:
+    """Normals that flashes mislead, for cases of the same photographs."""
     capture = simulate.capture(simulate.painting(seed, SIZE, varnish="patches"), "snel-lafortune")
     every = cases[0][0]
     some = capture.stack.take(range(0, 770, every))
@@ -56,18 +56,18 @@ def turned(seed: int, cases: list[tuple[int, float, int]]) -> list[int]:
         for y, x in np.ndindex(SIZE):
             spoiled[rng.choice(len(clean), count, replace=False), :, y, x] = light
         after = errors(spoiled, some.rig, capture.truth.normal)
-        # A normal that is lost is turned, too.
+        # A normal that is lost is misled, too.
         found.append(int((~(after <= np.maximum(3.0 * before, 0.1))).sum()))
     return found
 
 
 def rows() -> list[dict[str, Any]]:
-    """A row for each case: the paintings with fewest and most turned normals."""
+    """A row for each case: the paintings with fewest and most misled normals."""
     counts: dict[tuple[int, float, int], list[int]] = {case: [] for case in CASES}
     for every in (1, 7):
         cases = [case for case in CASES if case[0] == every]
         for seed in SEEDS:
-            for case, count in zip(cases, turned(seed, cases), strict=True):
+            for case, count in zip(cases, misled(seed, cases), strict=True):
                 counts[case].append(count)
     return [
         {
@@ -87,7 +87,7 @@ def main() -> None:
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
     table = rows()
-    show("Normals that flashes turn", table)
+    show("Normals that flashes mislead", table)
     if options.record:
         run = run_info("python benches/python/flashes.py --record")
         write("flashes.json", {"run": run, "rows": table})

@@ -40,8 +40,8 @@ def worst(seed: int, lamps: int, scatter: float) -> float:
     )
     painting = simulate.painting(seed, SIZE, varnish="satin")
     stack = simulate.capture(painting, rig, "rgb", seed=seed).stack
-    told = stack._replace(rig=spiral(lamps))
-    found = impasto.fit_strengths(told, gauge="free", threads=1).factor
+    even = stack._replace(rig=spiral(lamps))
+    found = impasto.fit_strengths(even, gauge="free", threads=1).factor
     ratio = (found / np.median(found)) / (strength / np.median(strength))
     # The overall strength is nobody's error.
     return float(100.0 * np.abs(ratio / np.median(ratio) - 1.0).max())

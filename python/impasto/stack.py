@@ -151,8 +151,8 @@ class Stack:
         )
         if self.saturation is not None and not (self.saturation > 0.0).all():
             raise ArgumentError(
-                f"saturation: expected the level from which samples are clipped, above 0, found "
-                f"{saturation}"
+                "saturation: expected the level from which samples are clipped, above 0, found "
+                f"{self.saturation.tolist()}"
             )
         set_(self, "scale", _per_band(scale, count, "scale"))
         set_(self, "black", _per_band(black, count, "black"))
