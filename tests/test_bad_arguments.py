@@ -14,9 +14,11 @@ from impasto import (
     CorruptInputError,
     DistantLight,
     GeometryError,
+    ImpastoWarning,
     PointLight,
     Rig,
     Scene,
+    Surface,
     doctor,
     fit_normals,
     fit_reflectance,
@@ -104,6 +106,10 @@ def test_lights_behind_the_painting() -> None:
         (lambda: fit_sbrdf(stack(), index="a", pooling="painting"), "index"),
         (lambda: fit_sbrdf(stack(), index=True, pooling="painting"), "index"),
         (lambda: fit_sbrdf(stack(), index=101, pooling="painting"), "index"),
+        (lambda: altered(stack().samples, saturation=0), "saturation"),
+        (lambda: altered(stack().samples, saturation=[1.0, -1.0, 1.0]), "saturation"),
+        (lambda: surface(-5.0, 0.1), "beta"),
+        (lambda: surface(5.0, -0.1), "gamma"),
         (lambda: simulate.painting(-1, SIZE), "seed"),
         (lambda: simulate.painting(0.5, SIZE), "seed"),  # type: ignore[arg-type]
     ],
@@ -111,6 +117,33 @@ def test_lights_behind_the_painting() -> None:
 def test_arguments_of_the_wrong_type_or_out_of_range(call: Callable[[], Any], word: str) -> None:
     with pytest.raises(ArgumentError, match=f"^{word}: "):
         call()
+
+
+def surface(beta: float, gamma: float, length: float = 1.0) -> Surface:
+    """Flat and grey, with one lobe."""
+    normal = np.zeros((3, *SIZE))
+    normal[2] = length
+    return Surface.torrance_sparrow(normal, np.full((3, *SIZE), 0.4), beta, gamma)
+
+
+def test_degrees_for_radians_and_normals_of_another_length_are_pointed_out() -> None:
+    with pytest.warns(ImpastoWarning, match="^normal: .* found lengths of about 3, by which"):
+        assert surface(5.0, 0.1, length=3.0).shape == SIZE
+    with pytest.warns(ImpastoWarning, match=r"^gamma: .* radians, 7 degrees are 0\.122"):
+        surface(5.0, 7.0)
+    # Neither the widest lobe that is fitted nor one without any width, which `overview` draws.
+    for gamma in (1.25, 1e4):
+        surface(5.0, gamma)
+
+
+def test_vectors_with_holes_and_of_eight_bits_are_unit_vectors() -> None:
+    normal = np.zeros((3, *SIZE))
+    normal[2] = 1.0
+    normal[:, :4] = np.nan
+    normal[:, 4:6] = 0.0
+    coded = np.rint((normal + 1.0) * 127.5) / 127.5 - 1.0
+    for one in (normal, coded):
+        assert Surface(one, np.full((3, *SIZE), 0.4)).shape == SIZE
 
 
 def test_arguments_that_were_swapped_or_are_something_else() -> None:

@@ -267,7 +267,13 @@ def test_command(
     assert (off < 0.4 + 3.0 * np.array(sigma)).all()
     assert len(report["taken_for_granted"]) == 4
     assert out.with_suffix(".png").stat().st_size > 10_000
-    assert "taken for granted" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "taken for granted" in told
+    # The file, the option that takes it, and its picture, as the last line.
+    picture = out.parent / "lights.png"
+    assert picture.is_file()
+    use = f"Look at {picture}; then impasto fit PHOTOGRAPHS --lights {out}"
+    assert told.splitlines()[-1] == use
     assert impasto.read_stack(folder, lights=out).shape[0] == LAMPS
     assert main(words) == 1
     assert "already exists" in capsys.readouterr().err

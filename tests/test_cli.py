@@ -129,6 +129,7 @@ def test_the_demonstration_compares_with_the_truth(
     printed = capsys.readouterr()
     for word in ("normals", "colour, D65", "colour, A", "gamma", "beta", "overview.jpg"):
         assert word in printed.out
+    assert printed.out.splitlines()[-1] == f"Turn the light: impasto view {out}"
     assert "photographs" in printed.err
     truth = json.loads((out / "report.json").read_text(encoding="utf-8"))["results"]["truth"]
     assert truth["normal_mean"] > 0

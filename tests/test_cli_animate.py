@@ -177,6 +177,7 @@ MISTAKES = [
     ("--out {out}.gif --raking --light 1,2", 2, "--raking has its own lamp"),
     ("--out {out}.gif --raking --angle 3", 2, "--angle belongs to another kind"),
     ("--out {out}.gif --turntable --elevation 3", 2, "--elevation belongs to another kind"),
+    ("--out {out}.gif --raking 15", 2, "animate: '15' belongs to no option"),
     ("--out {out}.gif --adaptation 0", 2, "two degrees such as 0..1"),
     ("--out {out}.gif --adaptation 0..2", 2, "from 0 to 1"),
     *(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import cv2
@@ -43,6 +44,23 @@ def test_every_pixel_may_have_lobes_of_its_own(
     assert main(["render", str(out), "--out", str(tmp_path / "lit.png"), "--quiet"]) == 0
     assert main(["info", str(out / "sbrdf.npz")]) == 0
     assert "per pixel" in capsys.readouterr().out
+
+
+def test_a_fit_says_what_it_did_and_what_to_do_next(
+    stack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "a matte fit"
+    assert main(["fit", str(stack), "--pooling", "none", "--out", str(out)]) == 0
+    told = capsys.readouterr().err
+    assert "not fitted" in told
+    assert "no highlight found" not in told  # none was looked for
+    last = told.splitlines()[-1]
+    assert last.startswith(f"Look at '{out}/overview.jpg'")
+    # The commands can be copied as they are, blanks in names included.
+    command = shlex.split(last.split("pictures: ")[1])
+    assert command[:3] == ["impasto", "render", str(out)]
+    command[-1] = str(tmp_path / "raking.png")
+    assert main([*command[1:], "--quiet"]) == 0
 
 
 def test_lobes_of_lafortune_are_fitted_and_rendered(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -57,7 +58,13 @@ def test_a_job_from_beginning_to_end(
 ) -> None:
     out = tmp_path / "painting.impasto.zarr"
     assert main(job(source, out)) == 0
-    assert "9 of 9, 0.0063 Mpx" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "9 of 9, 0.0063 Mpx" in told
+    # The command that the last line names makes a picture.
+    command = shlex.split(told.splitlines()[-1].split("pictures: ")[1])
+    command[-1] = str(tmp_path / "raking.png")
+    assert main([*command[1:], "--quiet"]) == 0
+    assert (tmp_path / "raking.png").is_file()
     assert main(["job", "status", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["state"], found["tiles_done"], found["pixels"]) == ("finished", 9, 6300)

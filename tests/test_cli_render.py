@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -323,3 +324,15 @@ def test_a_varnish_yellows_a_painting_and_is_taken_off(
     assert "give one of them" in complaint([*where, *both], 2, capsys)
     clear = ["--remove-varnish", "clear"]
     assert "changes no colour" in complaint([*where, *clear], 2, capsys)
+
+
+def test_false_colours_are_told(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "lit.png")
+    assert main(["render", str(demo), "--out", out]) == 0
+    assert "false colours" not in said(capsys)
+    # The same fit without the spectra beside it.
+    bare = shutil.copy(demo / "sbrdf.npz", tmp_path / "bare.npz")
+    assert main(["render", str(bare), "--out", out]) == 0
+    assert "false colours: three of 6 bands" in said(capsys)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import impasto
-from cleaned_painting import CAMERA, LIGHTS, cleaned_painting, fitted
+from cleaned_painting import CAMERA, LIGHTS, cleaned_painting, fitted, photographed
 from command_line import complaint
 from impasto import ArgumentError, CorruptInputError, simulate
 from impasto.cli import main
@@ -261,6 +261,24 @@ def test_a_comparison_survives_its_file(found: impasto.Comparison, tmp_path: Pat
         load_comparison(tmp_path / "d.npz")
 
 
+def test_fits_of_two_kinds_are_cautioned_against(cleaned: Cleaned, tmp_path: Path) -> None:
+    # The same photographs, fitted twice: nothing changed but the fit.
+    one = cleaned_painting(SIZE, cleaned.patch)
+    pooled = impasto.fit_sbrdf(photographed(one.before, 1), pooling="painting")
+    found = impasto.compare(pooled, cleaned.before, align="same")
+    assert found.fits == ("one lobe for the painting", "lobes per pixel")
+    caution = "fitted in two ways, one lobe for the painting before and lobes per pixel after"
+    assert f"caution: {caution}" in str(found)
+    assert str(found.rows()["caution"]).startswith(caution)
+    assert "gloss is tested where both fits have lobes of pixels or segments" in str(found)
+    found.save(tmp_path / "c.npz")
+    assert str(load_comparison(tmp_path / "c.npz")) == str(found)
+    alike = impasto.compare(cleaned.before, cleaned.again, align="same")
+    assert "caution" not in str(alike)
+    assert "caution" not in alike.rows()
+    assert "gloss is tested" not in str(alike)
+
+
 def test_bands_without_colours_leave_normals_and_gloss(cleaned: Cleaned) -> None:
     """Three bands before and two after: no colour; with one band each, greys are compared."""
     one = impasto.compare(cleaned.before, cleaned.after.with_bands([0, 1]), align="same")
@@ -360,8 +378,10 @@ def test_the_command_writes_a_picture_maps_and_a_report(
     picture = cv2.imread(str(out / "comparison.png"))
     assert picture.shape[1] > 1200
     # An earlier comparison is replaced, as every result is.
-    assert main(["compare", *names, *words, "--quiet"]) == 0
-    assert "gloss, ratio of beta" in capsys.readouterr().out
+    assert main(["compare", *names, *words]) == 0
+    told = capsys.readouterr()
+    assert "gloss, ratio of beta" in told.out
+    assert told.err.splitlines()[-1] == f"Look at {out / 'comparison.png'}"
     assert main(["compare", *names, "--align", "same", "--quiet"]) == 0
     assert "gloss, ratio of beta" in capsys.readouterr().out
 

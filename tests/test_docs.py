@@ -145,3 +145,22 @@ def test_every_hard_case_has_a_test_of_its_name() -> None:
     texts = [path.read_text(encoding="utf-8") for path in paths]
     found = set(re.findall(r"(?:def|fn) (?:hard_|test_)?(case_\d+_\w+)\(", "\n".join(texts)))
     assert [name for name in names if name not in found] == []
+
+
+def test_completion_lists_what_the_pages_use() -> None:
+    """``impasto.<Tab>``, whatever else has been imported."""
+    blocks = [
+        block
+        for page in MARKDOWN
+        for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    ]
+    named = re.compile(r"(?<![\w.])impasto\.([a-zA-Z]\w*)")
+    used = {name for block in blocks for name in named.findall(block)}
+    listed = set(dir(impasto))
+    assert {"fit_sbrdf", "simulate", "io"} <= used
+    assert used - listed == set()
+    public = {name for name in listed if not name.startswith("_")}
+    assert all(getattr(impasto, name) is not None for name in public)
+    with pytest.raises(AttributeError) as raised:
+        _ = impasto.fit_brdf  # type: ignore[attr-defined]
+    assert raised.value.name == "fit_brdf"  # with it, Python suggests the nearest name

@@ -16,6 +16,8 @@ import chromium
 from impasto._internal import connections
 from impasto._internal.connections import MOST_KNOWN, MOST_STRANGERS
 from impasto._internal.loopback import MOST_HEADERS, LoopbackHandler, LoopbackServer
+from impasto.cli.console import Stages
+from impasto.cli.serving import serve
 from impasto.local_page import PageServer
 from loopback import request, serving
 
@@ -245,3 +247,35 @@ def test_all_pages_have_this_server() -> None:
 
     assert issubclass(PageServer, LoopbackServer)
     assert issubclass(ViewServer, LoopbackServer)
+
+
+@pytest.mark.parametrize(
+    ("no_browser", "opens", "asked", "said"),
+    [(False, True, 1, False), (False, False, 1, True), (True, True, 0, True)],
+)
+def test_an_address_that_no_browser_was_opened_with_is_to_be_opened(
+    no_browser: bool,
+    opens: bool,
+    asked: int,
+    said: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    calls: list[str] = []
+
+    def opened(url: str) -> bool:
+        calls.append(url)
+        return opens
+
+    monkeypatch.setattr("webbrowser.open", opened)
+    server = LoopbackServer(_Handler)
+    # The server of a page runs until Ctrl-C: here, until it is ready.
+    monkeypatch.setattr(server, "run", lambda ready: ready("http://127.0.0.1:1/token/"))
+    try:
+        assert serve(server, Stages(), "Ctrl-C here ends it", no_browser=no_browser) == 0
+    finally:
+        server.server_close()
+    assert calls == ["http://127.0.0.1:1/token/"] * asked
+    told = capsys.readouterr().err
+    assert "http://127.0.0.1:1/token/" in told
+    assert ("open this address in a browser" in told) == said

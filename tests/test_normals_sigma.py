@@ -189,6 +189,8 @@ def smooth_errors(
         ("painting", 0.0, 0.15, 0.8, 1.25),
         ("pixel", 0.03, 0.15, 0.8, 1.25),
         ("painting", 0.03, 0.15, 0.8, 1.25),
+        ("pixel", 0.03, 0.3, 1.3, 1.7),
+        ("painting", 0.03, 0.3, 1.8, 2.2),
         # Errors as wide as a sector of lights: most of what they do to a normal leaves no residual.
         # If every light were an independent sample, 7.6 and 6.3.
         ("pixel", 0.03, 0.5, 2.0, 2.6),

@@ -142,6 +142,7 @@ def scenes(draw: st.DrawFn, faint: bool = False) -> tuple[impasto.Surface, impas
     return surface, scene
 
 
+@pytest.mark.filterwarnings("ignore:normal")  # of other lengths, on purpose
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(scenes())
 def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
@@ -161,6 +162,7 @@ def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     assert plan.error == 0.0
 
 
+@pytest.mark.filterwarnings("ignore:normal")  # of other lengths, on purpose
 def test_planned_pictures_stay_within_their_tolerance() -> None:
     left_out: list[bool] = []
 

@@ -239,6 +239,9 @@ def test_a_missing_band_is_the_operator_of_the_others(spectra):
     )  # fmt: skip
     expected = rho[:, kept] @ oracle.wiener(spectra, camera.operator(GRID)[kept], 1e-3).T
     found = np.array([fit.spectrum(0, x) for x in range(5)])
+    for y, x in ((0, fit.status.shape[1]), (1.5, 0)):
+        with pytest.raises(ArgumentError, match=r"^[xy]: "):
+            fit.spectrum(y, x)
     # Single-precision input and output.
     np.testing.assert_allclose(found, expected, atol=2e-6)
 

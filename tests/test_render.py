@@ -252,6 +252,8 @@ def test_a_slanted_view_is_shaded_for_that_view() -> None:
     assert difference == pytest.approx(expected, rel=0.1)
 
 
+# Lobes wider than any facet can be tilted, which a warning takes for degrees, make no NaN either.
+@pytest.mark.filterwarnings("ignore:gamma")
 @settings(max_examples=40, deadline=None)
 @given(
     light=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(1e-3, 1)),

@@ -444,6 +444,7 @@ def test_a_near_eye_straight_in_front_sees_heights_move_outwards() -> None:
     assert (np.flatnonzero(flat[40] > 0.5 * flat.max()) - 40)[-1] == 20
 
 
+@pytest.mark.filterwarnings("ignore:normal")  # long ones, on purpose
 def test_long_normals_see_all_of_a_level_sky() -> None:
     normal = np.zeros((3, 20, 20), np.float32)
     normal[2] = 1.5

@@ -1,7 +1,15 @@
-"""Photographs of a painting in; a relightable, colour-true surface out."""
+"""Photographs of a painting in; a relightable, colour-true surface out.
+
+The way through: :func:`read_stack` (or :class:`Stack`, from arrays), :func:`fit_sbrdf`,
+:func:`fit_reflectance`, :class:`Scene`, :func:`render`. ``dir(impasto)`` lists what is public; the
+modules in it have more: ``io`` (files), ``colour``, ``systems`` (the procedures of the papers),
+``simulate`` (paintings of known truth), ``doctor`` (checks before a fit), ``calibrate``, ``align``,
+``capture``, ``session``, ``jobs`` (fits of any size), ``export`` and ``gpu``.
+"""
 
 import importlib as _importlib
 import os as _os
+import sys as _sys
 import types as _types
 import typing as _typing
 import warnings as _warnings
@@ -149,17 +157,29 @@ __all__ = [
     "white_corrected",
 ]
 
+_LAZY = (
+    "align", "calibrate", "capture", "doctor", "export", "figures", "gpu", "matching", "overview",
+    "pictures", "report", "session", "simulate", "study", "training", "viewer",
+)  # fmt: skip
+"""Modules that are imported on first use."""
+
 if not _typing.TYPE_CHECKING:  # type checkers still report unknown names
 
     def __getattr__(name: str) -> _types.ModuleType:
         """``impasto.doctor`` and other modules that are imported on first use."""
-        lazy = {
-            "align", "calibrate", "capture", "doctor", "export", "gpu", "overview", "pictures",
-            "report", "session", "simulate", "study",
-        }  # fmt: skip
-        if name in lazy:
+        if name in _LAZY:
             return _importlib.import_module(f"{__name__}.{name}")
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise AttributeError(
+            f"module {__name__!r} has no attribute {name!r}",
+            name=name,
+            obj=_sys.modules[__name__],  # Python suggests the nearest name of what dir() lists
+        )
+
+
+def __dir__() -> list[str]:
+    """What is public, whatever else has been imported: for completion, and for ``help``."""
+    special = [name for name in globals() if name.startswith("__")]
+    return sorted({*__all__, *_LAZY, "io", "jobs", *special})
 
 
 def _show(result: _typing.Any, options: dict[str, _typing.Any]) -> _typing.Any:

@@ -158,10 +158,15 @@ def gloss_panel(sbrdf: Any) -> Panel:
         measured[:, :2],
         line,
         "Gloss",
-        note="dots: measured, line: fitted",
+        note="dots: measured, line: fitted" if _searched(sbrdf) else "not fitted",
         axis=("0", f"{np.degrees(end):.0f} degrees of facet tilt"),
         size=(size[0] * 460 // size[1], 460),
     )
+
+
+def _searched(sbrdf: Any) -> bool:
+    """Whether a lobe was looked for: a search leaves its steps, ``pooling="none"`` leaves none."""
+    return len(sbrdf.path) > 0
 
 
 def _lobe(sbrdf: Any, tilt: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -206,7 +211,7 @@ def gloss_words(sbrdf: Any) -> str:
     if sbrdf.verdict == "too-few":
         return "gloss: no pixel that could show a highlight"
     if sbrdf.verdict == "no-highlight":
-        return "gloss: no highlight found"
+        return "gloss: no highlight found" if _searched(sbrdf) else "gloss: not fitted"
     remark = VERDICTS.get(sbrdf.verdict, f", {sbrdf.verdict}")
     lobe = f"beta {sbrdf.beta:.3g}, gamma {np.degrees(sbrdf.gamma):.3g} degrees"
     return f"gloss: {lobe}{remark}{varnish}"

@@ -149,6 +149,11 @@ class Stack:
             "saturation",
             None if saturation is None else _per_band(saturation, count, "saturation"),
         )
+        if self.saturation is not None and not (self.saturation > 0.0).all():
+            raise ArgumentError(
+                "saturation: expected the level from which samples are clipped, above 0, found "
+                f"{self.saturation.tolist()}"
+            )
         set_(self, "scale", _per_band(scale, count, "scale"))
         set_(self, "black", _per_band(black, count, "black"))
         set_(self, "encoding", encoding)
@@ -161,7 +166,8 @@ class Stack:
     def __repr__(self) -> str:
         observations, bands, height, width = self.shape
         return (
-            f"<Stack {observations} photographs of {width} x {height} pixels, {bands} bands, "
+            f"<Stack {observations} photographs of {width} x {height} pixels, "
+            f"{bands} band{'s' * (bands != 1)}, "
             f"{self.samples.dtype}, {self._curve_words}>"
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +18,7 @@ from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import length_mm, one_of, picked, refractive_index, truth
 from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import floats
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.rig import FRONTAL, PointView, Rig, Views
 
 Map: TypeAlias = NDArray[np.float32]
@@ -106,6 +108,11 @@ class Surface(Viewable, Relightable):
     ------
     ArgumentError
         Shapes that disagree, an index outside 1 to 100, an unknown model.
+
+    Warns
+    -----
+    ImpastoWarning
+        Normals that are no unit vectors.
     """
 
     normal: Map
@@ -123,6 +130,7 @@ class Surface(Viewable, Relightable):
         normal, diffuse = _ground(self.normal, self.diffuse)
         one_of(self.model, get_args(LobeModel), "model")
         set_ = object.__setattr__
+        _warn_of_lengths(normal)
         set_(self, "normal", normal)
         set_(self, "diffuse", diffuse)
         set_(self, "lobes", tuple(_lobe(lobe, self.model, diffuse.shape) for lobe in self.lobes))
@@ -164,11 +172,17 @@ class Surface(Viewable, Relightable):
         Raises
         ------
         ArgumentError
-            Shapes that disagree.
+            Shapes that disagree, a negative number.
+
+        Warns
+        -----
+        ImpastoWarning
+            A gamma that can only be meant in degrees; normals that are no unit vectors.
         """
         normal, diffuse = _ground(normal, diffuse)
         strengths = _coats(beta, diffuse.shape, "beta")
         widths = _coats(gamma, diffuse.shape, "gamma")
+        _check_units(strengths, widths)
         if len(strengths) != len(widths):
             raise ArgumentError(f"beta: {len(strengths)} coats, but gamma has {len(widths)}")
         lobes = [Lobe(beta, (gamma,)) for beta, gamma in zip(strengths, widths, strict=True)]
@@ -326,6 +340,49 @@ def _ground(normal: ArrayLike, diffuse: ArrayLike) -> tuple[Map, Map]:
     if normals.shape != expected:
         raise ArgumentError(f"normal: expected shape {expected}, found {normals.shape}")
     return normals, colours
+
+
+_SAMPLE = 4096
+"""Pixels that tell whether maps are in other units: a surface is made for every tile."""
+
+
+def _warn_of_lengths(normals: Map) -> None:
+    """Point out vectors that are no unit vectors: light is multiplied by their length."""
+    flat = normals.reshape(3, -1)
+    some = flat[:, :: max(1, flat.shape[1] // _SAMPLE)].astype(np.float64)
+    squares = (some * some).sum(axis=0)
+    known = squares[np.isfinite(squares) & (squares > 0.0)]
+    length = float(np.sqrt(np.median(known))) if known.size else 1.0
+    # Codes of 8 bits, (n + 1) / 2, are off by 1 % at most.
+    if not 0.9 < length < 1.1:
+        warnings.warn(
+            f"normal: expected unit vectors (3, y, x), found lengths of about {length:.3g}, by "
+            "which light is multiplied; a picture of normals holds (n + 1) / 2",
+            ImpastoWarning,
+            stacklevel=4,
+        )
+
+
+def _check_units(strengths: Sequence[float | Map], widths: Sequence[float | Map]) -> None:
+    """Refuse single numbers below 0, and point out a width in degrees."""
+    for name, values in (("beta", strengths), ("gamma", widths)):
+        for value in values:
+            if isinstance(value, float) and value < 0.0:
+                raise ArgumentError(f"{name}: expected a number from 0 on, found {value:g}")
+    for value in widths:
+        flat = np.ravel(value)
+        some = flat[:: max(1, len(flat) // _SAMPLE)]
+        known = some[np.isfinite(some)]
+        widest = float(known.max()) if known.size else 0.0
+        # No facet tilts by more than a right angle; far wider is a lobe without any width.
+        if 0.5 * math.pi < widest <= 90.0:
+            warnings.warn(
+                f"gamma: {widest:.3g} is wider than a right angle; gamma is in radians, "
+                f"{widest:.3g} degrees are {math.radians(widest):.3g}",
+                ImpastoWarning,
+                stacklevel=3,
+            )
+            return
 
 
 def _lobe(lobe: Any, model: LobeModel, size: tuple[int, ...]) -> Lobe:

@@ -26,8 +26,8 @@ def window(key: Any, shape: tuple[int, int]) -> Window:
     parts = key if isinstance(key, tuple) else (key,)
     if not 1 <= len(parts) <= 2 or not all(isinstance(part, slice) for part in parts):
         raise ArgumentError(
-            f"[y0:y1, x0:x1]: expected one or two slices, found {key!r}; .pixel(y, x) of a result "
-            "is one pixel"
+            f"[y0:y1, x0:x1]: expected one or two slices, found {key!r}; one pixel is "
+            ".pixel(y, x) of a result, one photograph .take([index]) of a stack"
         )
     rows, columns = (*parts, slice(None))[:2]
     return _bounds(rows, shape[0], "y"), _bounds(columns, shape[1], "x")

@@ -23,7 +23,7 @@ from impasto.cli.options import (
     Whole,
     check_threads,
 )
-from impasto.cli.scenes import ABOVE, check_spectra, lamps, panel
+from impasto.cli.scenes import ABOVE, check_spectra, lamps, panel, say_false_colours
 from impasto.colour.adaptation import Mode
 from impasto.errors import ArgumentError
 
@@ -167,6 +167,7 @@ def animate(
     stages = Stages(quiet=quiet)
     part = loaded(result, width)
     check_spectra(result, part.reflectance, scene)
+    say_false_colours(stages, part.panel, part.reflectance)
     plane = panel(stages, part.panel, wanted=(shadows or raking) if level is None else level)
     shown = visible(part.surface, part.reflectance)
     wide = part.surface.pitch_mm if pitch is None else part.factor * pitch

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cyclopts import App
-from cyclopts.exceptions import CycloptsError, MissingArgumentError
+from cyclopts.exceptions import CycloptsError, MissingArgumentError, UnusedCliTokensError
 
 from impasto._internal.printable import printable
 from impasto.cli import (
@@ -147,6 +147,10 @@ def _one_line(error: CycloptsError) -> str:
     if isinstance(error, MissingArgumentError) and error.argument and not error.tokens_so_far:
         command = " ".join(error.command_chain or ())
         return f"{command}: {error.argument.name} is missing or has no value"
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        words = ", ".join(map(repr, error.unused_tokens))
+        command = " ".join(error.command_chain or ())
+        return f"{command}: {words} belongs to no option and is not expected here"
     return " ".join(str(error).split())
 
 

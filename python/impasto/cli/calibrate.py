@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -168,6 +169,7 @@ def lights(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, balls_picture(read.balls, found, camera))
     write_lights(out, written, None if placed else read.names)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --lights")
 
 
 def _frame_of(path: Path, names: tuple[str, ...]) -> tuple[PaintingFrame, float]:
@@ -245,6 +247,7 @@ def camera(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, chart_picture(linear, found))
     write_camera(out, found.camera)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --camera")
 
 
 def lens(
@@ -300,6 +303,13 @@ def lens(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, lens_picture(found))
     lens.save(out)
+    say_written(stages, out, shown, "impasto align PHOTOGRAPHS --lens")
+
+
+def say_written(stages: Stages, out: Path, shown: Path, use: str) -> None:
+    """The last line: the file, the option that takes it, and the picture that shows it."""
+    file, picture = shlex.quote(str(out)), shlex.quote(str(shown))
+    stages.advise(f"Look at {picture}; then {use} {file}")
 
 
 def picture_of(out: Path) -> Path:

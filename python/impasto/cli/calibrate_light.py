@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from cyclopts import Parameter
 from rich.markup import escape
 
-from impasto.cli.calibrate import picture_of
+from impasto.cli.calibrate import picture_of, say_written
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag
 from impasto.cli.photographs import dark_of
@@ -99,6 +99,7 @@ def board(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, board_picture(found))
     found.save(out)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --intensities")
 
 
 def linearity(
@@ -171,6 +172,7 @@ def linearity(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, tone_picture(found))
     found.save(out)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --encoding")
 
 
 def monochromator(
@@ -258,3 +260,4 @@ def monochromator(
     shown.parent.mkdir(parents=True, exist_ok=True)
     write_png8(shown, monochromator_picture(found))
     found.save(out, illuminant)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --camera")

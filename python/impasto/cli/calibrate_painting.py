@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from rich.markup import escape
 
-from impasto.cli.calibrate import picture_of
+from impasto.cli.calibrate import picture_of, say_written
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag
 from impasto.cli.photographs import dark_of
@@ -96,3 +96,4 @@ def lights_from_painting(
     found.save_report(out.with_suffix(".json"))
     kept = tuple(found.names[number] for number in numbers)
     write_lights(out, found.directions[numbers], kept)
+    say_written(stages, out, shown, "impasto fit PHOTOGRAPHS --lights")

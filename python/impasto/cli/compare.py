@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -127,6 +128,8 @@ def compare(
         console.print_json(found.to_dict())
     else:
         console.stdout().out(str(found))
+    if out is not None:
+        stages.advise(f"Look at {shlex.quote(str(out / PICTURE))}")
     return Exit.OK
 
 

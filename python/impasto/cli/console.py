@@ -103,6 +103,10 @@ class Stages:
         """Print one line of rich markup."""
         self._console.print(text)
 
+    def advise(self, text: str) -> None:
+        """Print what to do next, as the last line of a command."""
+        self._console.print(escape(text))
+
     @contextmanager
     def warned(self) -> Iterator[None]:
         """Print each :class:`ImpastoWarning` of the body as one line, after it."""

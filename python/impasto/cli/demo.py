@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -247,6 +248,7 @@ def _print(score: Score, censored: Score | None, out: Path) -> None:
     page.print("\nErrors against the truth of the simulation:\n")
     page.print(table)
     page.print(f"\nLook at {out / 'overview.jpg'} first; report.json has all numbers.")
+    page.print(f"Turn the light: impasto view {shlex.quote(str(out))}", markup=False)
 
 
 def _rows(score: Score, censored: Score | None) -> list[tuple[str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -77,7 +78,7 @@ def fit(
         the commands that repair it; takes a small part of the time of the fit.
     refine
         First estimate distances of camera and lamps and strengths of lamps from the photographs,
-        accepted where held-out photographs are predicted better; 2 to 30 s. Default: with 24
+        accepted where held-out photographs are predicted better; some 3 to 23 s. Default: with 24
         photographs or more from one view, unless --system, --pooling or an option of one is given.
     strengths
         First estimate only the strength of each lamp from the photographs (at least 7 lights), for
@@ -239,6 +240,12 @@ def fit(
         stages.say("[red]no pixel could be measured:[/] run impasto doctor for the reason")
     if missing:
         stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
+    if not nothing:
+        sheet_of, made = shlex.quote(str(out / "overview.jpg")), shlex.quote(str(out))
+        stages.advise(
+            f"Look at {sheet_of}, then turn the light: impasto view {made}; "
+            f"pictures: impasto render {made} --light 180,20 --out raking.png"
+        )
     return Exit.PARTIAL if missing or unfinished or nothing else Exit.OK
 
 

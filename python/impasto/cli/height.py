@@ -54,7 +54,10 @@ def height(
     stages = Stages(quiet=quiet)
     check_threads(threads)
     if out.suffix.lower() not in {".tif", ".tiff"}:
-        raise ArgumentError(f"--out: expected a name ending in .tif, found {out.name}")
+        raise ArgumentError(
+            f"--out: expected a name ending in .tif, found {out.name}; impasto export height "
+            "writes .exr, .stl and .ply"
+        )
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     part = shown(result, None, None, 1)

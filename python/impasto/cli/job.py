@@ -437,6 +437,11 @@ def _say_notes(stages: Stages, out: Path) -> int:
     notes = jobs.status(out).notes
     for _, text in notes:
         stages.say(f"  {'':14}[dim]{escape(text)}[/]")
+    made = shlex.quote(str(out))
+    stages.advise(
+        f"Turn the light: impasto view {made}; "
+        f"pictures: impasto render {made} --light 180,20 --width 1000 --out raking.png"
+    )
     if all(kind != "missing" for kind, _ in notes):
         return Exit.OK
     stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")

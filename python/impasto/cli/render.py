@@ -27,6 +27,7 @@ from impasto.cli.scenes import (
     lamps,
     panel,
     room_of,
+    say_false_colours,
     tolerance_of,
 )
 from impasto.colour.adaptation import Mode
@@ -197,6 +198,7 @@ def render(
     )
     part = shown(result, region, width, reduce)
     check_spectra(result, part.reflectance, scene)
+    say_false_colours(stages, part.panel, part.reflectance)
     if part.in_parts:
         check_parts(part, out, scene)
     if part.detail and shadows:

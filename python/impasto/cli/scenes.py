@@ -129,6 +129,19 @@ def check_spectra(result: Path, reflectance: Any, scene: Any) -> None:
         )
 
 
+def say_false_colours(stages: Stages, result: Any, reflectance: Any) -> None:
+    """That three of the bands stand in for red, green and blue, where they do."""
+    import impasto
+
+    stored = isinstance(result, impasto.StoredSbrdf)  # has no plane of its own in memory
+    count = len(result.bands if stored else result.diffuse)
+    if reflectance is None and count not in {1, 3}:
+        stages.say(
+            f"  {'':14}[yellow]false colours: three of {count} bands stand in for red, green and "
+            "blue; a fit with --camera has true ones[/]"
+        )
+
+
 def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
     """The plane of a panel that leans, if its rotation is wanted; otherwise False."""
     import impasto

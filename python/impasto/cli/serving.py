@@ -27,8 +27,9 @@ def serve(server: LoopbackServer, stages: Stages, hint: str, *, no_browser: bool
     def ready(url: str) -> None:
         stages.say(f"  {'':14}{escape(url)}")
         stages.say(f"  {'':14}[dim]{hint}[/]")
-        if not no_browser:
-            webbrowser.open(url)
+        # A machine without a screen has no browser that could be opened.
+        if no_browser or not webbrowser.open(url):
+            stages.say(f"  {'':14}[dim]open this address in a browser of this machine[/]")
 
     server.run(ready)
     return Exit.OK

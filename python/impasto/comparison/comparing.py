@@ -21,6 +21,7 @@ from impasto.comparison.clusters import ClusterSums
 from impasto.comparison.colours import Spectra, colours_of
 from impasto.comparison.entries import ComparisonMaps, GlossChange
 from impasto.comparison.overview import Overview, OverviewSums
+from impasto.comparison.quantities import words_of
 from impasto.comparison.registration import Align, Exposure, aligned
 from impasto.comparison.result import KIND, Comparison, from_dict
 from impasto.comparison.store import write_store
@@ -178,6 +179,7 @@ def compare(
         return Comparison(
             shape=shape,
             names=(frames[0].name, frames[1].name),
+            fits=(words_of(frames[0].kind), words_of(frames[1].kind)),
             registration=placed.report,
             alpha=level,
             illuminant=colours.words,

@@ -111,6 +111,15 @@ def quantities_of(part: Sbrdf) -> Quantities:
     )
 
 
+def words_of(kind: type[Sbrdf]) -> str:
+    """What gloss a kind of fit has, for a table."""
+    if issubclass(kind, LafortuneSbrdf):
+        return "Lafortune lobes per pixel"
+    if issubclass(kind, PerPixelSbrdf):
+        return "lobes per pixel"
+    return "a lobe per segment" if issubclass(kind, SegmentSbrdf) else "one lobe for the painting"
+
+
 def has_places(kind: type[Sbrdf]) -> bool:
     """Whether pixels or segments have a gloss of their own; else it differs all over or not."""
     return issubclass(kind, PerPixelSbrdf | SegmentSbrdf)

@@ -67,6 +67,9 @@ class Comparison:
         All maps; None for a comparison that was written to a store and not loaded.
     path
         The store that has the maps; None: they are in memory only.
+    fits
+        What gloss the fit of each has, in words; empty in earlier files. Where they differ, the
+        table says that what the fits alone change is marked, too.
     """
 
     shape: tuple[int, int]
@@ -83,6 +86,7 @@ class Comparison:
     overview: Overview
     maps: ComparisonMaps | None = None
     path: Path | None = None
+    fits: tuple[str, str] = ("", "")
 
     def quantity(self, name: str) -> Quantity:
         """The row of that name; KeyError: there is none."""
@@ -106,7 +110,7 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; what is not known is None."""
-        names = ("names", "alpha", "illuminant", "compared")
+        names = ("names", "fits", "alpha", "illuminant", "compared")
         content: dict[str, Any] = {name: getattr(self, name) for name in names}
         content["size"] = self.shape
         content["registration"] = asdict(self.registration)
@@ -131,7 +135,7 @@ class Comparison:
 
     def rows(self) -> dict[str, object]:
         """The table in short: a name and a sentence each."""
-        return table_rows(self.quantities, self.compared, self.alpha, self.extent)
+        return table_rows(self.quantities, self.compared, self.alpha, self.extent, self.fits)
 
     def __str__(self) -> str:
         return as_text(
@@ -145,6 +149,7 @@ class Comparison:
             self.clusters,
             alpha=self.alpha,
             illuminant=self.illuminant,
+            fits=self.fits,
         )
 
     def __repr__(self) -> str:
@@ -193,6 +198,7 @@ def from_dict(
         overview=overview,
         maps=maps,
         path=path,
+        fits=_pair(content.get("fits", ["", ""])),
     )
 
 

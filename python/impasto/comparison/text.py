@@ -38,11 +38,15 @@ def as_text(
     *,
     alpha: float,
     illuminant: str,
+    fits: tuple[str, str],
 ) -> str:
     """Everything, in lines."""
     lines = [f"{names[0]} -> {names[1]}", ""]
     lines += [_placed(place), f"colours {illuminant}"]
-    lines += ["pixels: " + statuses(compared), ""]
+    lines += ["pixels: " + statuses(compared)]
+    if other := fits_in_words(fits):
+        lines.append("caution: " + other)
+    lines.append("")
     lines.append(f"{'':22}{'median':>9}{'95 %':>9}{'least':>9}{'changed':>10}")
     for one in quantities:
         lines.append(
@@ -53,6 +57,8 @@ def as_text(
         f"least: the smallest significant difference; {100 * alpha:g} % of unchanged pixels are "
         "marked by chance"
     )
+    if not all(one.tested for one in quantities if one.name == "gloss"):
+        lines.append("gloss is tested where both fits have lobes of pixels or segments")
     lines += ["", _gloss(gloss), "", clusters_in_words(extent)]
     if clusters:
         lines.append(f"{'place':>12}{'pixels':>9}{'mm2':>9}{'degrees':>9}{'dE00':>8}{'beta':>8}"
@@ -77,6 +83,16 @@ def as_text(
     return "\n".join(lines)
 
 
+def fits_in_words(fits: tuple[str, str]) -> str:
+    """That two fits are not alike; empty where they are, or where it is not known."""
+    if fits[0] == fits[1]:
+        return ""
+    return (
+        f"fitted in two ways, {fits[0]} before and {fits[1]} after: what the fits alone change is "
+        "marked, too; fit both with the same pooling"
+    )
+
+
 def clusters_in_words(extent: ClusterExtent) -> str:
     """How many changed areas there are, and from which size on they count."""
     if not math.isfinite(extent.critical):
@@ -93,6 +109,7 @@ def table_rows(
     compared: Mapping[str, int],
     alpha: float,
     extent: ClusterExtent,
+    fits: tuple[str, str],
 ) -> dict[str, object]:
     """The same in short, for a notebook."""
     rows: dict[str, object] = {
@@ -103,6 +120,8 @@ def table_rows(
     rows["changed areas"] = clusters_in_words(extent).removeprefix("changed areas ")
     rows["pixels"] = statuses(compared)
     rows["marked by chance"] = f"{100 * alpha:g} %"
+    if other := fits_in_words(fits):
+        rows["caution"] = other
     return rows
 
 

@@ -15,6 +15,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
 from impasto._internal.waiting import floats, wait_for
+from impasto._internal.windows import place
 from impasto.bands import Camera, Integration, checked_camera
 from impasto.colour.wavelengths import Floats, checked_wavelengths
 from impasto.errors import ArgumentError
@@ -108,7 +109,14 @@ class Reflectance(PixelMaps):
         return reflectance_view(self)
 
     def spectrum(self, y: int, x: int) -> Floats:
-        """Reflectance ``(n,)`` of one pixel, unclipped."""
+        """Reflectance ``(n,)`` of one pixel, unclipped; negative numbers count from the end.
+
+        Raises
+        ------
+        ArgumentError
+            A pixel outside of the painting.
+        """
+        y, x = place(y, x, self.coefficients.shape[1:])
         return np.asarray(self.coefficients[:, y, x].astype(np.float64) @ self.basis)
 
     def cube(self, clip: tuple[float, float] | None = None) -> NDArray[np.float32]:

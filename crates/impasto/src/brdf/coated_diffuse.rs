@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Light is refracted on its way into the varnish and, scattered by the paint, on its way out: the
-//! interface transmits `1 - F` each time, on the way out as on the way in (reciprocity). `t` is relative to normal incidence, so that `S` is what a
-//! frontal light shows to a frontal view. It is 0.95 at 60 degrees and 0.78 at 75 for `n = 1.45`,
+//! interface transmits `1 - F` each time, on the way out as on the way in (reciprocity). `t` is
+//! relative to normal incidence, so that `S` is what a frontal light shows to a frontal view. It is 0.95 at 60 degrees and 0.78 at 75 for `n = 1.45`,
 //! and falls to 0 at grazing incidence: flanks are darker than by Lambert's law, which a fit without
 //! `t` takes for tilt. Light that the interface reflects back into the paint is part of `S`: its
 //! share depends on no direction.

@@ -60,7 +60,7 @@ impl Estimator {
     ///
     /// `rank` is the number of coefficients per pixel: for the linear model the number of
     /// principal components (default: as many as bands), else an upper limit on what is stored
-    /// (default: all that matter, see [`factor`]). `seed` fixes the noise replicas, folds and
+    /// (default: all that matter). `seed` fixes the noise replicas, folds and
     /// centres of the regressions.
     ///
     /// # Errors
