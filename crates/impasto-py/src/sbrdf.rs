@@ -40,7 +40,10 @@ pub(crate) fn predict<'py>(
 /// A profile of lobes: angles between normal and half vector, radians, and a factor for each.
 type ProfileArguments<'py> = (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>);
 
-/// Normal equations of a rig without the unknowns of its pixels: the matrix and the right side.
+/// A matrix and the right side.
+type Equations<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// Normal equations of a rig without the unknowns of its pixels.
 ///
 /// `sample_errors` and `slopes` are `(obs, band, y, x)`; each of the rigs in `moved` has one of the free
 /// inverse distances larger by `step`.
@@ -60,7 +63,7 @@ pub(crate) fn rig_equations<'py>(
     slopes: PyReadonlyArray4<'py, f64>,
     held: PyReadonlyArray1<'py, bool>,
     threads: usize,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<Equations<'py>> {
     let refuse = |error: Error| errors::to_python(py, &error);
     let [_, height, width] = surface.shape();
     let rig = rig.rig(height, width).map_err(refuse)?;
