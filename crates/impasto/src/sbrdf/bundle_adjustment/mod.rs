@@ -10,6 +10,8 @@
 mod elimination;
 mod problem;
 mod samples;
+#[cfg(test)]
+mod tests;
 
 use core::marker::PhantomData;
 use core::ops::Range;
