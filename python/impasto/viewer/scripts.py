@@ -27,6 +27,8 @@ MODULES = (
     "renderer",
     "plots",
     "annotations",
+    "elements",
+    "inspector",
     "controls",
     "saving",
     "geometry",
@@ -48,7 +50,8 @@ IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class|let)\b)", re.MULTILINE)
 
 
-COMMENT = re.compile(r"^//.*\n", re.MULTILINE)
+COMMENT = re.compile(r"^//.*\n|(?<=[;,{]) +// [^`\"\n]*$", re.MULTILINE)
+"""Of a line, or behind the end of a statement, also in the text of a shader."""
 INDENTED = re.compile(r"^[ ]+|^\n", re.MULTILINE)
 
 

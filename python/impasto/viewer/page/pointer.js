@@ -110,7 +110,7 @@ export class Pointer {
   key(event) {
     const { app } = this, { state } = app, [target] = event.composedPath();
     if (event.ctrlKey || event.metaKey || event.altKey || /^(input|textarea|select)$/i.test(target.tagName)) return;
-    if (target === app.canvas && app.lightKey(event)) return;
+    if (target === app.canvas && (this.tool === "inspect" ? app.inspectKey(event) : app.lightKey(event))) return;
     const acts = {
       "+": () => app.zoomTo(1.25 * app.view[2]), "=": () => app.zoomTo(1.25 * app.view[2]), "-": () => app.zoomTo(app.view[2] / 1.25),
       0: () => app.fit(), 1: () => app.zoomTo(1), h: () => app.togglePanel(), t: () => app.turn90(), p: () => app.copyLink(), s: () => app.savePicture(),

@@ -149,7 +149,7 @@ ${near || nearView ? "" : "#define DISTANT"}
 ${samplers.join("\n")}
 uniform sampler2D uRamp;
 uniform sampler2D uStatuses;
-${doc.basis ? "uniform highp sampler2D uWeights; // of the planes of a relightable image\nuniform float uFactor;" : ""}
+${doc.basis ? "uniform highp sampler2D uWeights;\nuniform float uFactor;" : ""}
 uniform vec2 uFirst;      // first pixel of the tile from the painting's middle, in mm
 uniform float uStep;      // width of a pixel of this scale in mm
 uniform vec3 uLight;      // direction to the lamp, or its place in mm

@@ -9,13 +9,16 @@ import { svg } from "./plots.js";
 import { EnvironmentMap } from "./prefilter.js";
 import { exr } from "./exr.js";
 import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
-import { anglesFromPlane, h, lightWords, panel, roomWords } from "./controls.js";
+import { h } from "./elements.js";
+import { anglesFromPlane, lightWords, panel, roomWords } from "./controls.js";
 import { download, noteDialog, upright } from "./saving.js";
 import { directionOf, firstState, layersOf, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
 const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
+const REST = 120; // ms for which a pixel is looked at before its samples are asked for
+const LATE = 10000; // ms until a reader is told that they do not come
 const HIDDEN = 250; // ms until it is tried again to draw what has no size
 
 export class Viewer extends Geometry {
@@ -321,7 +324,7 @@ export class Viewer extends Geometry {
 
   // What the browser keeps for a painting that is no longer shown is given back.
   close() {
-    for (const timer of [this.linking, this.hidden]) clearTimeout(timer);
+    for (const timer of [this.linking, this.hidden, this.sampling]) clearTimeout(timer);
     cancelAnimationFrame(this.frame);
     this.watch.disconnect();
     this.renderer.gl.getExtension("WEBGL_lose_context")?.loseContext();
@@ -372,7 +375,31 @@ export class Viewer extends Geometry {
     const buffer = await this.tiles.get(name);
     const [column, row] = this.state.pixel ?? [];
     if (!buffer || column !== x || row !== y) return;
+    // A link may name a pixel before anything was drawn.
+    if (!this.renderer.colours) this.renderer.setState(this.state);
     this.showPixel([x, y], pixelValues(this.doc, buffer, this.sizeOf(name), x % side, y % side));
+    clearTimeout(this.sampling);
+    if (this.doc.samples) this.sampling = setTimeout(() => this.sample(x, y), REST);
+  }
+
+  // What was measured at a pixel, if it is still the one that is looked at.
+  async sample(x, y) {
+    const late = new Promise((_, reject) => setTimeout(reject, LATE, new Error("Python does not answer"))), asked = this.asked = {};
+    const found = await Promise.race([this.source.samples(y, x), late]).catch(error => ({ failed: `The samples could not be read: ${error.message}.` }));
+    if (this.asked === asked && this.state.pixel?.join() === `${x},${y}`) this.showSamples(found);
+  }
+
+  // The pixel beside the one that is looked at, by an arrow; the first one is in the middle of the view.
+  inspectKey(event) {
+    const move = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!move) return false;
+    event.preventDefault();
+    event.stopPropagation();
+    const { width, height } = this.doc, step = event.shiftKey ? 10 : 1, { pixel, turns } = this.state;
+    const along = Array.from({ length: turns }).reduce(([right, down]) => [-down, right], move);
+    const [x, y] = pixel ? [0, 1].map(i => pixel[i] + step * along[i]) : this.place([this.canvas.width / 2, this.canvas.height / 2]).map(Math.floor);
+    this.inspect(Math.min(Math.max(x, 0), width - 1), Math.min(Math.max(y, 0), height - 1));
+    return true;
   }
 
   // A photograph by its number, the other painting, or nothing.
