@@ -1,7 +1,7 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
 import { adaptedTemperature, encodeSrgb } from "./colour.js";
-import { rotationOf } from "./prefilter.js";
+import { rotationOf } from "./environment.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { svg } from "./plots.js";
@@ -29,9 +29,9 @@ function dome(app) {
     const box = picture.getBoundingClientRect(), scale = size / box.width / reach;
     app.lightAt((event.clientX - box.left - box.width / 2) * scale, -(event.clientY - box.top - box.height / 2) * scale);
   };
-  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); app.moving(true); move(event); });
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); move(event); });
   picture.addEventListener("pointermove", event => picture.hasPointerCapture(event.pointerId) && move(event));
-  picture.addEventListener("lostpointercapture", () => app.moving(false));
+  picture.addEventListener("lostpointercapture", () => app.rest());
   picture.addEventListener("keydown", event => app.lightKey(event));
   return { element: picture, update: state => {
     const azimuth = app.onPage(state.azimuth), [x, y] = directionOf(azimuth, state.elevation);
@@ -44,20 +44,22 @@ function dome(app) {
 
 // An environment as somebody at the painting sees it who looks into the room; it is turned by dragging.
 function roomView(app) {
-  const [width, height] = [288, 144], picture = h("canvas", { width, height, className: "room", "aria-hidden": "true" });
+  const picture = h("canvas", { className: "room", "aria-hidden": "true" });
   let last = "", from = null;
-  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); from = event.clientX; app.moving(true); });
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); from = event.clientX; });
   picture.addEventListener("pointermove", event => {
     if (from === null) return;
     app.rotate(180 * (from - event.clientX) / picture.clientWidth);
     from = event.clientX;
   });
-  picture.addEventListener("lostpointercapture", () => { from = null; app.moving(false); });
+  picture.addEventListener("lostpointercapture", () => { from = null; app.rest(); });
   return { element: picture, update: state => {
-    const room = app.renderer.environments.get(state.environment), key = `${state.environment} ${state.rotation} ${Boolean(room)}`;
+    const height = app.moves ? 48 : 96, width = 2 * height;
+    const room = app.renderer.environments.get(state.environment), key = `${state.environment} ${state.rotation} ${height} ${Boolean(room)}`;
     picture.hidden = state.environment === "none";
     if (key === last || !room) return;
     last = key;
+    Object.assign(picture, { width, height });
     const data = new ImageData(width, height), most = Math.max(...room.board(state.rotation)) * room.front(state.rotation), rows = rotationOf(room.record, state.rotation);
     for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
       const longitude = ((x + 0.5) / width - 0.5) * Math.PI, latitude = (0.5 - (y + 0.5) / height) * Math.PI / 2, flat = Math.cos(latitude);
@@ -102,8 +104,6 @@ function lightSection(app, updates) {
   light.element.classList.add("columns");
   const turning = slider("Turned", { min: -180, max: 180, step: 1 }, value => app.set({ rotation: (value + 360) % 360 }), degrees);
   const view = roomView(app), lamp = h("div", { className: "stack" });
-  turning.input.addEventListener("pointerdown", () => app.moving(true));
-  for (const name of ["pointerup", "pointercancel"]) turning.input.addEventListener(name, () => app.moving(false));
   updates.push(view.update, state => {
     light.update(state.environment);
     turning.update(state.rotation > 180 ? state.rotation - 360 : state.rotation);
@@ -158,7 +158,7 @@ function legend(app) {
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     const { scales, read } = app.doc;
-    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted(0)].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
+    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted()].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
     if (state.layer === "status") {
       element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
         const swatch = h("span", { className: "swatch" });

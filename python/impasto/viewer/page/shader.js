@@ -3,7 +3,7 @@
 // graphics card runs both sides of every branch.
 
 import { DECODED, weightedSum } from "./basis.js";
-import { LOOKUPS, PROJECTED, SPREADS } from "./prefilter.js";
+import { LOOKUPS, PROJECTED, SPREADS } from "./tables.js";
 import { shapeNames } from "./values.js";
 
 export const VERTEX = `#version 300 es

@@ -6,7 +6,7 @@ import { Geometry } from "./geometry.js";
 import { Pointer, TOOLS } from "./pointer.js";
 import { pixelValues, rangesOf } from "./values.js";
 import { svg } from "./plots.js";
-import { EnvironmentMap } from "./prefilter.js";
+import { EnvironmentMap } from "./environment.js";
 import { exr } from "./exr.js";
 import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
 import { h } from "./elements.js";
@@ -16,7 +16,10 @@ import { directionOf, firstState, layersOf, stateOfText, textOfState } from "./s
 
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
-const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
+const SHARES = [1, 0.71, 0.5, 0.35]; // of the pixels along a side, while something moves
+const ROUGH = 0.35; // of them, until what takes longer than a frame is lit
+const SLOW = 55, QUICK = 24; // ms that a frame takes from which on there are fewer, up to which there are more
+const CALM = 40; // ms without a change until what moved is drawn with all
 const REST = 120; // ms for which a pixel is looked at before its samples are asked for
 const LATE = 10000; // ms until a reader is told that they do not come
 const HIDDEN = 250; // ms until it is tried again to draw what has no size
@@ -25,7 +28,7 @@ export class Viewer extends Geometry {
   constructor(element, doc, source, host) {
     super();
     if (doc.format !== FORMAT) throw new Error(`the painting has the format ${doc.format}, this page shows ${FORMAT}`);
-    Object.assign(this, { element, doc, source, host, coarse: 0, dragging: false, notes: host.notes(), statuses: [], first: firstState(doc), pointer: new Pointer(this) });
+    Object.assign(this, { element, doc, source, host, size: { width: 1, height: 1 }, coarse: 0, quick: 0, trust: 20, moves: false, notes: host.notes(), statuses: [], first: firstState(doc), pointer: new Pointer(this) });
     this.build();
     this.renderer = new Renderer(this.canvas, doc);
     this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.renderer));
@@ -34,6 +37,7 @@ export class Viewer extends Geometry {
       this.otherTiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.other), "against/");
     }
     this.panel = panel(this);
+    this.panel.element.addEventListener("input", () => this.stir(), true);
     this.element.append(this.panel.element);
     this.state = stateOfText(host.read(), doc);
     this.listen();
@@ -113,8 +117,8 @@ export class Viewer extends Geometry {
     const record = this.doc.environments[number];
     this.maps ??= new Map();
     if (!this.maps.has(number)) {
-      const loaded = this.source.environment(number).then(buffer => {
-        this.renderer.environments.set(record.name, new EnvironmentMap(record, buffer));
+      const loaded = this.source.environment(number).then(buffer => EnvironmentMap.read(record, buffer)).then(map => {
+        this.renderer.environments.set(record.name, map);
         this.changed();
       });
       this.maps.set(number, loaded);
@@ -129,6 +133,7 @@ export class Viewer extends Geometry {
   }
 
   rotate(degrees) {
+    this.stir();
     this.set({ rotation: ((this.state.rotation + degrees) % 360 + 360) % 360 });
   }
 
@@ -141,6 +146,7 @@ export class Viewer extends Geometry {
   // By a place in the unit circle of the page: right and up.
   lightAt(x, y) {
     const { azimuth, elevation } = anglesFromPlane(x, y);
+    this.stir();
     this.set({ azimuth: this.onPainting(azimuth), elevation, photograph: -1, environment: "none" });
   }
 
@@ -183,7 +189,7 @@ export class Viewer extends Geometry {
 
   // The tiles of a scale that are seen, the middle first.
   seen(number) {
-    const { width, height } = this.canvas, scale = this.doc.scales[number], side = this.doc.side * scale.factor;
+    const { width, height } = this.size, scale = this.doc.scales[number], side = this.doc.side * scale.factor;
     const corners = [[0, 0], [width, 0], [0, height], [width, height]].map(at => this.place(at));
     const range = (axis, count) => {
       const values = corners.map(corner => corner[axis] / side);
@@ -197,12 +203,12 @@ export class Viewer extends Geometry {
     return found.sort((one, other) => one.far - other.far).map(one => one.name);
   }
 
-  // The scale at which the painting is seen; a moving light is shown more coarsely where it is slow.
-  wanted(coarse) {
-    const zoom = this.view[2], last = this.doc.scales.length - 1;
+  // The scale at which the painting is seen with a share of the pixels.
+  wanted(share = 1) {
+    const zoom = this.view[2] * share, last = this.doc.scales.length - 1;
     let number = 0;
     while (number < last && this.doc.scales[number + 1].factor * zoom <= 1.42) number++;
-    return Math.min(number + coarse, last);
+    return number;
   }
 
   arrived(name, entry, renderer) {
@@ -217,13 +223,15 @@ export class Viewer extends Geometry {
   redraw() {
     // Nothing else is asked for before the first tile is there.
     if (this.frame || !this.started) return;
+    this.waiting = performance.now();
     this.frame = requestAnimationFrame(now => {
       this.frame = 0;
-      this.draw(now);
+      this.draw(now, true);
     });
   }
 
-  draw(now) {
+  // `paced`: what takes longer than a frame is lit in the next ones.
+  draw(now, paced = false) {
     if (this.renderer.gl.isContextLost()) return;
     // A notebook hides an output for a while, sometimes within a frame, which no observer is told.
     if (!this.canvas.clientWidth) {
@@ -231,51 +239,102 @@ export class Viewer extends Geometry {
       this.hidden = setTimeout(() => this.redraw(), HIDDEN);
       return;
     }
-    if (this.dragging && this.last) {
-      const passed = now - this.last;
-      if (passed > SLOW && passed < 1000) this.coarse = Math.min(this.coarse + 1, 2);
-      else if (passed < QUICK && this.coarse) this.steady = (this.steady ?? 0) + 1;
-      if (this.steady > 20) [this.steady, this.coarse] = [0, this.coarse - 1];
-    }
-    this.last = this.dragging ? now : 0;
+    if (this.moves && this.last) this.adapt(now - Math.max(this.last, this.waiting));
+    this.last = this.moves ? now : 0;
     // Layers of both paintings are shown on the same ramps.
     const other = this.beside;
     if (other) other.ranges = this.renderer.ranges;
-    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state, this.dragging ? "moving" : "resting");
+    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state);
     this.stale = false;
-    const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
-    const finest = this.wanted(0), coarse = this.wanted(this.coarse);
+    const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name), fine = this.seen(this.wanted()).filter(whole);
+    // What takes longer than a frame is shown coarsely at first, also while there are no tables of the room yet.
+    const early = this.renderer.prefilter?.next() === "moving", rough = paced && !this.moves && (early || !this.renderer.quick(fine));
+    const share = this.moves ? SHARES[this.coarse] : rough ? ROUGH : 1;
+    this.fitCanvas(share);
+    const coarse = this.wanted(share);
     let number = coarse;
-    // Coarser tiles that are not there yet are no reason to show less than is there.
-    if (!this.seen(coarse).every(whole)) number = finest;
-    const here = this.seen(number), there = here.filter(name => this.renderer.has(name));
+    // Coarser tiles that are not there yet are no reason to show less than is there, unless that takes long.
+    if (rough) while (number < last && !this.seen(number).every(whole)) number++;
+    else if (!this.seen(coarse).every(whole)) number = this.wanted();
+    const here = this.seen(number), there = here.filter(whole);
     let names = there;
     if (there.length < here.length) {
       // What is not there yet is shown by coarser scales below it.
       for (let coarser = number + 1; coarser <= last; coarser++) {
-        const found = this.seen(coarser).filter(name => this.renderer.has(name));
+        const found = this.seen(coarser).filter(whole);
         names = [...found, ...names];
         if (found.length === this.seen(coarser).length) break;
       }
     }
-    this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
-    const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.canvas;
+    this.tiles.want([...(whole(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
+    const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.size;
     const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
-    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement, other });
+    this.renderer.draw(names, { clip, zoom: this.view[2] * share, state: this.state, relief: this.displacement, other });
     if (other) {
       this.otherTiles.want([...here, ...names].filter(name => !other.has(name)));
       for (const gone of other.trim(new Set([...names, ...here]))) this.otherTiles.forget(gone);
     }
     for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
     if (names.length) this.wait.hidden = !this.unknown || this.state.layer === "status";
-    if (names.length) this.host.shown(there.length === here.length && (!other || here.every(name => other.has(name))));
+    const refining = rough || Boolean(this.renderer.prefilter?.busy);
+    this.fine = rough && !early ? fine : [];
+    if (refining) this.refine();
+    if (names.length) this.host.shown(!refining && there.length === here.length && (!other || here.every(name => other.has(name))));
     this.drawOver();
+  }
+
+  // Between frames, part by part: the tiles of a picture that is shown coarsely, then the tables of a room.
+  refine() {
+    this.refining ||= requestAnimationFrame(() => {
+      this.refining = 0;
+      const { renderer } = this, { prefilter } = renderer;
+      if (renderer.gl.isContextLost()) return;
+      const dark = renderer.dark(this.fine);
+      if (dark.length) renderer.lightSome(dark);
+      else if (prefilter) {
+        prefilter.moving = this.moves;
+        this.stale = prefilter.step() || this.stale;
+      }
+      const left = renderer.dark(this.fine).length;
+      if (!this.stale && (left || (!dark.length && prefilter?.busy))) this.refine();
+      else this.redraw();
+    });
+  }
+
+  // Fewer pixels where a frame takes long. More again after some quick ones, and more of these each time it was too early.
+  adapt(took) {
+    this.quick = took < QUICK ? this.quick + 1 : 0;
+    if (took > SLOW && this.coarse < SHARES.length - 1) {
+      this.coarse++;
+      this.trust *= 2;
+    } else if (this.coarse && this.quick > this.trust) [this.quick, this.coarse] = [0, this.coarse - 1];
+  }
+
+  fitCanvas(share) {
+    const { canvas } = this, [width, height] = [this.size.width, this.size.height].map(value => Math.max(1, Math.round(value * share)));
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  }
+
+  // Something is moved by hand: it is quick now, and drawn with all pixels when it rests.
+  stir() {
+    // Where not all is lit within a frame, it is not while it moves either.
+    if (!this.moves && this.seen(this.wanted()).length * this.doc.side ** 2 > this.renderer.pacer.amount) this.coarse ||= 2;
+    this.moves = true;
+    clearTimeout(this.calming);
+    this.calming = setTimeout(() => this.rest(), CALM);
+  }
+
+  rest() {
+    clearTimeout(this.calming);
+    this.moves = false;
+    if (this.state.environment !== "none") this.panel.update(this.state);
+    this.redraw();
   }
 
   // --- what lies over the painting
 
   drawOver() {
-    const { doc } = this, ratio = this.canvas.width / this.canvas.clientWidth || 1;
+    const { doc, ratio } = this;
     const onPage = place => this.toCanvas(place).map(value => value / ratio);
     const polygon = ([x, y, w, hh], attributes) => svg("polygon", { points: [[x, y], [x + w, y], [x + w, y + hh], [x, y + hh]].map(onPage).join(" "), ...attributes });
     this.over.replaceChildren();
@@ -324,8 +383,8 @@ export class Viewer extends Geometry {
 
   // What the browser keeps for a painting that is no longer shown is given back.
   close() {
-    for (const timer of [this.linking, this.hidden, this.sampling]) clearTimeout(timer);
-    cancelAnimationFrame(this.frame);
+    for (const timer of [this.linking, this.hidden, this.sampling, this.calming]) clearTimeout(timer);
+    for (const frame of [this.frame, this.refining]) cancelAnimationFrame(frame);
     this.watch.disconnect();
     this.renderer.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
@@ -336,19 +395,11 @@ export class Viewer extends Geometry {
     this.canvas.dataset.tool = tool;
   }
 
-  moving(on) {
-    this.dragging = on;
-    if (on) return;
-    this.coarse = 0;
-    if (this.state.environment !== "none") this.stale = true;
-    this.redraw();
-  }
-
   resize() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2), box = this.stage.getBoundingClientRect();
     if (!box.width || !box.height) return;
-    const [width, height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
-    if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+    this.size = { width: Math.max(1, Math.round(box.width * ratio)), height: Math.max(1, Math.round(box.height * ratio)) };
+    if (!this.moves) this.fitCanvas(1);
     this.redraw();
   }
 
@@ -397,7 +448,7 @@ export class Viewer extends Geometry {
     event.stopPropagation();
     const { width, height } = this.doc, step = event.shiftKey ? 10 : 1, { pixel, turns } = this.state;
     const along = Array.from({ length: turns }).reduce(([right, down]) => [-down, right], move);
-    const [x, y] = pixel ? [0, 1].map(i => pixel[i] + step * along[i]) : this.place([this.canvas.width / 2, this.canvas.height / 2]).map(Math.floor);
+    const [x, y] = pixel ? [0, 1].map(i => pixel[i] + step * along[i]) : this.place([this.size.width / 2, this.size.height / 2]).map(Math.floor);
     this.inspect(Math.min(Math.max(x, 0), width - 1), Math.min(Math.max(y, 0), height - 1));
     return true;
   }
