@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import chromium
 import impasto
 from impasto.fit.relief import Relief
+from impasto.simulate import camera
 from impasto.surface import Surface
 from impasto.viewer import Contents, ViewServer, write_site
 from loopback import request, serving
@@ -299,6 +300,41 @@ def test_samples_that_cannot_be_read_are_named_calmly(
         assert (answer.status, answer.error) == (500, "photo.tif: No such file or directory")
         browser.open(f"{server.url}#pixel=21,7")
         browser.until("document.querySelector('.taken').textContent.includes('not be read')")
+
+
+def test_a_spectrum_has_its_interval(browser: chromium.Chromium, fitted: impasto.Sbrdf,
+                                     tmp_path: Path) -> None:  # fmt: skip
+    """That of :meth:`impasto.Reflectance.interval`, cut off where the diagram ends.
+
+    Coefficients are kept in half precision, 5e-4 of the spectrum, and the diagram has 96 rows.
+    """
+    spectra = impasto.fit_reflectance(None, fitted, camera("rgb"))
+    row, column = PLACE
+    limits, curve = spectra.interval(row, column), spectra.spectrum(row, column)
+    assert limits is not None
+    write_site(fitted, tmp_path / "site", reflectance=spectra)
+    browser.open((tmp_path / "site" / "index.html").as_uri() + f"#pixel={column},{row}")
+    browser.until("document.querySelector('.band') !== null")
+    lines, lights, band, line = browser.value(
+        "(() => { const picture = document.querySelector('.band').parentElement;"
+        "const all = name => [...picture.querySelectorAll(name)];"
+        "const rows = text => text.slice(1).split('L').map(one => Number(one.split(' ')[1]));"
+        "return [all('.grid').map(one => Number(one.getAttribute('y1'))),"
+        "  all('.tick[text-anchor=end]').map(one => Number(one.textContent)),"
+        "  ...['.band', '.curve'].map(name => rows(all(name)[0].getAttribute('d')))]; })()"
+    )
+    least, most = min(0.0, curve.min()), max(1.0, np.ceil(5 * curve.max()) / 5)
+
+    def reflectance(rows: Any) -> NDArray[np.float64]:
+        return (lines[0] - numbers(rows)) / (lines[0] - lines[-1]) * lights[-1]
+
+    assert np.allclose(reflectance(line), curve, atol=2e-3)
+    upper, lower = reflectance(band[: len(curve)]), reflectance(band[len(curve) :][::-1])
+    assert np.allclose(lower, np.clip(limits[0], least, most), atol=2e-3)
+    assert np.allclose(upper, np.clip(limits[1], least, most), atol=2e-3)
+    assert (limits[1] - limits[0]).mean() > 0.02, "the band is seen"
+    words = browser.value("document.querySelector('aside').textContent")
+    assert "The band holds 95 % of the errors on training spectra." in words
 
 
 def test_a_notebook_answers_with_samples(fitted: impasto.Sbrdf, stack: impasto.Stack) -> None:

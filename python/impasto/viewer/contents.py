@@ -28,7 +28,7 @@ from impasto.viewer.policy import policy
 from impasto.viewer.relightable import RelightablePainting
 from impasto.viewer.samples import Photographed, Samples, Windows, checked_size
 from impasto.viewer.scales import SIDE, Scale
-from impasto.viewer.scripts import page_file, script
+from impasto.viewer.scripts import page_file, script, style
 from impasto.viewer.surfaces import FIRST_LIGHT, painting_in_memory, painting_of_store
 
 FORMAT = 1
@@ -238,7 +238,7 @@ class Contents:
         """What makes the content of a file, which may raise IndexError; None: there is none."""
         pages: dict[str, Callable[[], bytes]] = {
             "index.html": self._index,
-            "style.css": lambda: page_file("style.css").encode(),
+            "style.css": lambda: style().encode(),
             "viewer.js": lambda: script().encode(),
             "document.js": self._document,
         }

@@ -35,6 +35,7 @@ MODULES = (
     "controls",
     "saving",
     "geometry",
+    "drawing",
     "pointer",
     "host",
     "viewer",
@@ -61,6 +62,13 @@ INDENTED = re.compile(r"^[ ]+|^\n", re.MULTILINE)
 def page_file(name: str) -> str:
     """The text of a file of the page."""
     return (resources.files("impasto.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+@cache
+def style() -> str:
+    """The style of the page, without comments and spaces, which are for its authors."""
+    text = re.sub(r"/\*.*?\*/", "", page_file("style.css"), flags=re.DOTALL)
+    return re.sub(r"\s*([{};,])\s*|(?<=:) ", r"\1", text).strip()
 
 
 @cache
@@ -94,6 +102,6 @@ def script(form: Form = "classic") -> str:
     if form == "module":
         return f"{body}\nexport {{ {ENTRY} }};\n"
     if form == "notebook":
-        style = json.dumps(page_file("style.css"))
-        return f"const STYLE = {style};\n{body}\nexport default {{ render: {RENDER} }};\n"
+        body = f"const STYLE = {json.dumps(style())};\n{body}"
+        return f"{body}\nexport default {{ render: {RENDER} }};\n"
     return f"(() => {{\n'use strict';\n{body}\n{START}();\n}})();\n"

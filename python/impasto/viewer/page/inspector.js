@@ -1,7 +1,7 @@
 // What is known of one pixel: its numbers, its spectrum, its lobes, and what was measured there.
 
 import { QUALITY } from "./state.js";
-import { codesOf, labOf, spectrumOf } from "./values.js";
+import { codesOf, intervalOf, labOf, spectrumOf } from "./values.js";
 import { bandColour, lobePlot, samplePlot, spectrumPlot } from "./plots.js";
 import { degrees, h, heightWords, section } from "./elements.js";
 
@@ -49,7 +49,8 @@ export function pixelSection(app, updates) {
       if (colours.basis) {
         const lab = labOf(colours, app.state.illuminant, values.diffuse);
         rows.push(["Lab", lab.map(value => value.toFixed(1)).join(", ")]);
-        plots.push(h("h3", {}, "Reflectance"), spectrumPlot(colours.wavelengths, spectrumOf(colours, values.diffuse)));
+        const spectrum = spectrumOf(colours, values.diffuse), half = intervalOf(colours, spectrum);
+        plots.push(h("h3", {}, "Reflectance"), spectrumPlot(colours.wavelengths, spectrum, half), half ? h("p", { className: "faint" }, "The band holds 95 % of the errors on training spectra.") : "");
       } else {
         rows.push(["Colour", values.diffuse.map((value, k) => `${doc.bands[k] ?? k + 1} ${value.toFixed(3)}`).join(", ")]);
       }

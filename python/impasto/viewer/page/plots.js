@@ -28,11 +28,14 @@ function chart(words, [first, last], [least, most], lines, ticks, unit, height =
 }
 const stepped = (from, to, step) => Array.from({ length: Math.floor((to - from) / step + 1e-6) + 1 }, (_, i) => Number((from + i * step).toPrecision(6)));
 
-export function spectrumPlot(wavelengths, values) {
+// `half`: of the interval around it, or null.
+export function spectrumPlot(wavelengths, values, half) {
   const most = Math.max(1, Math.ceil(5 * Math.max(...values)) / 5), least = Math.min(0, ...values);
   const first = wavelengths[0], last = wavelengths[wavelengths.length - 1];
   const { picture, x, y } = chart(`Reflectance from ${first} to ${last} nm, from ${Math.min(...values).toFixed(2)} to ${Math.max(...values).toFixed(2)}`,
     [first, last], [least, most], [0, 0.5, 1], stepped(Math.ceil(first / 100) * 100, last, 100), " nm");
+  const edge = sign => wavelengths.map((nm, i) => [x(nm), y(Math.min(Math.max(values[i] + sign * half[i], least), most))]);
+  if (half) picture.append(path([...edge(1), ...edge(-1).reverse()], { class: "band" }));
   picture.append(path(wavelengths.map((nm, i) => [x(nm), y(values[i])]), { class: "curve" }));
   return picture;
 }

@@ -183,7 +183,7 @@ export class Renderer {
     } else this.prefilter?.halt();
     // Until there are tables, the lamp; until those of this state are there, what they show.
     const { environment, degrees } = (wished && this.prefilter.shown?.goal) ?? {};
-    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear } : {}) };
+    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear, clipped: state.clipped } : {}) };
     this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
     const { program, at } = this.light;
     gl.useProgram(program);
@@ -214,7 +214,6 @@ export class Renderer {
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
-    gl.uniform1i(at("uClipped"), state.clipped ? 1 : 0);
     if (environment) {
       this.prefilter.bind(at);
       const lit = channelColours(doc.colours, { illuminant: state.illuminant, adaptation: state.adaptation, varnish: coat, exposure: state.exposure, height: eye[2], board: environment.board(degrees) });
