@@ -16,7 +16,7 @@ const label = (x, y, text, anchor = "middle") => svg("text", { x, y, "text-ancho
 
 // A diagram with lines at some values; x and y place numbers on it.
 function chart(words, [first, last], [least, most], lines, ticks, unit, height = 120, roots = []) {
-  const [width, left, below] = [272, 26, 18];
+  const [width, left, below] = [272, 30, 18];
   const x = value => left + (width - left - 6) * (value - first) / (last - first);
   const y = value => 6 + (height - below - 6) * (most - value) / (most - least);
   const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", class: "plot", "aria-label": words });
@@ -40,10 +40,10 @@ export function spectrumPlot(wavelengths, values, half) {
   return picture;
 }
 
-// Colours of bands: those of their names, others around the circle of hues from blue to red.
+// Colours of bands: those of their names, others around the circle of hues from blue to red, all as light.
 export function bandColour(bands, k) {
-  const hue = { red: 5, green: 130, blue: 225 }[bands[k]] ?? (bands.length > 1 ? 250 * (1 - k / (bands.length - 1)) : 190);
-  return `light-dark(hsl(${hue} 75% 36%), hsl(${hue} 75% 72%))`;
+  const hue = { red: 27, green: 145, blue: 262 }[bands[k]] ?? (bands.length > 1 ? 270 - 245 * k / (bands.length - 1) : 200);
+  return `light-dark(oklch(.47 .15 ${hue}), oklch(.78 .13 ${hue}))`;
 }
 
 // What was measured, dots, and what is fitted, rings, over the angle between normal and half vector, with a line from
