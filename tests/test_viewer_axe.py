@@ -34,14 +34,22 @@ def page() -> Iterator[ViewServer]:
         yield server
 
 
-@pytest.mark.parametrize(("dark", "size"), [(False, (1300, 900)), (True, (400, 850))])
-def test_the_page_breaks_no_rule(
-    page: ViewServer, dark: bool, size: tuple[int, int], tmp_path: Path
-) -> None:
+def seen(browser: chromium.Chromium, dark: bool, size: tuple[int, int]) -> None:
+    """The page in other colours, on another screen."""
+    theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+    browser.call("Emulation.setEmulatedMedia", features=[theme])
+    browser.call(
+        "Emulation.setDeviceMetricsOverride",
+        width=size[0], height=size[1], deviceScaleFactor=1, mobile=False,
+    )  # fmt: skip
+
+
+def test_the_page_breaks_no_rule(page: ViewServer, tmp_path: Path) -> None:
+    """Light on a screen with a dialog, then dark on a telephone, in two more states."""
     chromium.needed()
     code = axe.source()
     row, column = PLACE
-    with chromium.Chromium(tmp_path, dark=dark, size=size) as browser:
+    with chromium.Chromium(tmp_path, size=(1300, 900)) as browser:
         browser.open(f"{page.url}#pixel={column},{row}&clipped=1&d=0.5")
         browser.until("document.querySelector('.taken .samples') !== null")
         browser.value(OPEN)
@@ -49,13 +57,14 @@ def test_the_page_breaks_no_rule(
         browser.value(
             "window.impasto.viewer.notes = []; window.impasto.viewer.askNote([2, 3, 4, 5])"
         )
-        assert axe.violations(browser, code) == [], "with a dialog"
+        assert axe.violations(browser, code) == []
         browser.value("document.querySelector('textarea').value = 'a loss'")
         browser.click("dialog .main")
-        for changes in (
-            {"environment": "gallery"},
-            {"against": True, "compare": "difference", "tilt": 30},
+        for dark, size, changes in (
+            (True, (400, 850), {"environment": "gallery"}),
+            (False, (2560, 1400), {"against": True, "compare": "difference", "tilt": 30}),
         ):
+            seen(browser, dark, size)
             browser.value(
                 f"window.impasto.viewer.set({{ ...window.impasto.viewer.first, pixel: [{column},"
                 f" {row}], ...{json.dumps(changes)} }})"

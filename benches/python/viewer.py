@@ -1,24 +1,27 @@
 """How soon the viewer shows a painting, and how often a second it shows a moving light.
 
 ``python benches/python/viewer.py`` opens the page of ``impasto view`` in Chromium without a
-graphics card (Debian's, its software renderer) and prints two lines per surface: milliseconds from
+graphics card (Debian's, its software renderer) and prints for each surface: milliseconds from
 the request of the page to the first picture; frames per second of a moving light with all pixels,
 each frame waited for, and the processor time of a frame, which does not depend on what else the
 machine does; frames per second while the light is dragged, with as many pixels as the page chooses,
 and how soon all are there again. Then a room: milliseconds of its tables, the longest task that
 blocks the page (tasks below 50 ms are none), frames while it turns. The surfaces have 1024 x 1024
-pixels, all of which are seen. Names of surfaces as arguments choose some.
+pixels, all of which are seen. ``--write`` records benches/results/viewer_frames.json.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import tempfile
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from record import run_info, show, write
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
@@ -40,7 +43,7 @@ MOVE = f"""
     viewer.draw(0);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, one);
   }}
-  return [names.length, 1000 * {FRAMES} / (performance.now() - start)];
+  return 1000 * {FRAMES} / (performance.now() - start);
 }})()
 """
 
@@ -137,35 +140,55 @@ def processor_seconds(parent: int) -> float:
     return sum(t for process, t in ticks.items() if below(process)) / os.sysconf("SC_CLK_TCK")
 
 
+def measured(name: str, surface: Surface) -> dict[str, Any]:
+    """A row of the table."""
+    server = ViewServer(Contents(surface))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        size = (SIDE + 400, SIDE + 120)
+        with chromium.Chromium(Path(folder), size=size) as browser:
+            browser.open(f"{server.url}#view={SIDE // 2},{SIDE // 2},1")
+            first = browser.value("document.documentElement.dataset.shown")
+            before = processor_seconds(browser._process.pid)
+            rate = browser.value(MOVE)
+            used = 1e3 * (processor_seconds(browser._process.pid) - before) / FRAMES
+            dragged, share, rested = browser.value(DRAG)
+            tables, opening, turning, pictures, longest, rest = browser.value(ROOM)
+    server.shutdown()
+    found = {
+        "first ms": float(first),
+        "all pixels fps": rate,
+        "processor ms": used,
+        "dragged fps": dragged,
+        "share": share,
+        "rested ms": rested,
+        "tables ms": tables,
+        "opening task ms": opening,
+        "turning fps": turning,
+        "new tables fps": pictures,
+        "turning task ms": longest,
+        "turned rested ms": rest,
+    }
+    digits = {"share": 2} | dict.fromkeys((one for one in found if one.endswith("fps")), 1)
+    return {"surface": name} | {
+        key: round(value, digits[key]) if key in digits else round(value)
+        for key, value in found.items()
+    }
+
+
 def main() -> None:
-    for name, surface in surfaces().items():
-        if sys.argv[1:] and name not in sys.argv[1:]:
-            continue
-        server = ViewServer(Contents(surface))
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            size = (SIDE + 400, SIDE + 120)
-            with chromium.Chromium(Path(folder), size=size) as browser:
-                browser.open(f"{server.url}#view={SIDE // 2},{SIDE // 2},1")
-                first = browser.value("document.documentElement.dataset.shown")
-                before = processor_seconds(browser._process.pid)
-                tiles, rate = browser.value(MOVE)
-                used = 1e3 * (processor_seconds(browser._process.pid) - before) / FRAMES
-                dragged, share, rested = browser.value(DRAG)
-                room = browser.value(ROOM)
-        server.shutdown()
-        print(
-            f"{name:33} first picture {first:>5} ms; with all pixels {rate:5.1f} frames/s, "
-            f"{used:4.0f} ms of processor time, {tiles} tiles; dragged {dragged:5.1f} frames/s "
-            f"with {share:.2f} of the pixels along a side, all of them {rested:4.0f} ms after it"
-        )
-        first, opening, frames, pictures, longest, rest = room
-        print(
-            f"{'':33} a room: tables in {first:5.0f} ms, longest task {opening:3.0f} ms; turning "
-            f"{frames:4.1f} frames/s, {pictures:3.1f} with new tables, longest task "
-            f"{longest:3.0f} ms; at rest in {rest:5.0f} ms",
-            flush=True,
-        )
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("surface", nargs="*", help="names of surfaces; default: all")
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    chosen = options.surface or list(surfaces())
+    loads = [os.getloadavg()[0]]
+    rows = [measured(name, one) for name, one in surfaces().items() if name in chosen]
+    loads.append(os.getloadavg()[0])
+    show(f"{SIDE} x {SIDE} pixels; processes that wanted a core: {loads}", rows)
+    if options.write:
+        run = run_info("python benches/python/viewer.py --write")
+        write("viewer_frames.json", {"run": run, "load": loads, "frames": rows})
 
 
 if __name__ == "__main__":

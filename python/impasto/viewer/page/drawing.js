@@ -8,7 +8,7 @@ import { layersOf } from "./state.js";
 
 const SHARES = [1, 0.71, 0.5, 0.35]; // of the pixels along a side, while something moves
 const ROUGH = 0.35; // of them, until what takes longer than a frame is lit
-const SLOW = 55, QUICK = 24; // ms that a frame takes from which on there are fewer, up to which there are more
+const SLOW = 60, QUICK = 32; // ms that a frame takes from which on there are fewer, up to which there are more
 const CALM = 40; // ms without a change until what moved is drawn with all
 const HIDDEN = 250; // ms until it is tried again to draw what has no size
 
@@ -94,13 +94,13 @@ export class Drawing extends Geometry {
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name), fine = this.seen(this.wanted()).filter(whole);
     // What takes longer than a frame is shown coarsely at first, also while there are no tables of the room yet.
-    const early = this.renderer.prefilter?.next() === "moving", rough = paced && !this.moves && (early || !this.renderer.quick(fine));
+    const early = this.renderer.prefilter?.next() === "moving", slow = paced && !this.renderer.quick(fine), rough = !this.moves && (slow || (paced && early));
     const share = this.moves ? SHARES[this.coarse] : rough ? ROUGH : 1;
     this.fitCanvas(share);
     const coarse = this.wanted(share);
     let number = coarse;
     // Coarser tiles that are not there yet are no reason to show less than is there, unless that takes long.
-    if (rough) while (number < last && !this.seen(number).every(whole)) number++;
+    if (rough || slow) while (number < last && !this.seen(number).every(whole)) number++;
     else if (!this.seen(coarse).every(whole)) number = this.wanted();
     const here = this.seen(number), there = here.filter(whole);
     let names = there;
@@ -152,8 +152,8 @@ export class Drawing extends Geometry {
     this.quick = took < QUICK ? this.quick + 1 : 0;
     if (took > SLOW && this.coarse < SHARES.length - 1) {
       this.coarse++;
-      this.trust *= 2;
-    } else if (this.coarse && this.quick > this.trust) [this.quick, this.coarse] = [0, this.coarse - 1];
+      if (this.tried) this.trust *= 2;
+    } else if (this.coarse && this.quick > this.trust) [this.quick, this.coarse, this.tried] = [0, this.coarse - 1, true];
   }
 
   fitCanvas(share) {
