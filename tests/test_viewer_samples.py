@@ -282,6 +282,7 @@ def test_a_page_on_a_disk_says_where_samples_are_seen(
     words = browser.value("document.querySelector('.taken').textContent")
     assert "impasto view with --photographs" in words
     assert browser.value("document.querySelector('.taken svg')") is None
+    assert browser.value("getComputedStyle(document.querySelector('.taken')).opacity") == "1"
     names = browser.value("performance.getEntriesByType('resource').map(entry => entry.name)")
     assert not [name for name in names if "samples" in name]
 

@@ -5,7 +5,6 @@ import { codesOf, intervalOf, labOf, spectrumOf } from "./values.js";
 import { bandColour, lobePlot, samplePlot, spectrumPlot } from "./plots.js";
 import { degrees, h, heightWords, section } from "./elements.js";
 
-const UNKNOWN = "What the photographs measured here is shown by impasto view with --photographs, or in a notebook with stack=.";
 const KINDS = { measured: "dots are measured, rings fitted", clipped: "triangles are clipped", shadowed: "crosses in shadow" };
 
 // Samples beside the fit, or why there are none.
@@ -69,8 +68,8 @@ export function pixelSection(app, updates) {
       plots.push(h("h3", {}, "Reflected light"), lobePlot(doc, values, luminance));
     }
     // Those of the place before stay until the new ones are there: nothing jumps while the hand moves.
-    taken.classList.add("stale");
-    if (!doc.samples) taken.replaceChildren(...(values.shown && !values.relit ? [h("p", { className: "faint" }, UNKNOWN)] : []));
+    taken.classList.toggle("stale", doc.samples);
+    if (!doc.samples) taken.replaceChildren(...(values.shown && !values.relit ? [h("p", { className: "faint" }, "What the photographs measured here is shown by ", h("code", {}, "impasto view"), " with ", h("code", {}, "--photographs"), ", or in a notebook with ", h("code", {}, "stack="), ".")] : []));
     body.replaceChildren(h("dl", { className: "values" }, ...rows.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])), ...plots, taken);
   };
   app.showSamples = found => {
