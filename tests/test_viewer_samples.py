@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 import chromium
 import impasto
+from impasto.cli.console import Stages
+from impasto.cli.page import WHOLE, photographs_beside
 from impasto.fit.relief import Relief
 from impasto.simulate import camera
 from impasto.surface import Surface
@@ -166,6 +168,20 @@ def test_only_the_pixel_is_read(
     one = said(Contents(stored[:, :].with_bands([0]), stack=stack_of(stack, 1)), *PLACE)
     assert one["bands"] == ["red"]
     assert one["measured"] == [light[:1] for light in expected["measured"]]
+
+
+def test_the_command_opens_photographs_of_a_large_painting_without_reading_them(
+    fitted: impasto.Sbrdf, stack: impasto.Stack, tmp_path: Path
+) -> None:
+    """What a click says is what it says of photographs in memory; none is shown whole."""
+    impasto.io.write_stack(tmp_path / "stack.npz", stack)
+    whole = photographs_beside(tmp_path / "stack.npz", None, Stages(quiet=True), WHOLE)
+    assert isinstance(whole, impasto.Stack)
+    opened = photographs_beside(tmp_path / "stack.npz", None, Stages(quiet=True), WHOLE + 1)
+    assert not isinstance(opened, impasto.Stack)
+    contents = Contents(fitted, stack=opened)
+    assert said(contents, *PLACE) == said(Contents(fitted, stack=whole), *PLACE)
+    assert contents.document["photographs"] == []
 
 
 def stack_of(stack: impasto.Stack, bands: int) -> impasto.Stack:
