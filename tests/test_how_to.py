@@ -127,10 +127,14 @@ def test_spectrum_and_height_are_those_of_the_painting(ran: Ran, truth: simulate
     them, at the edges of strokes: integrals of the true normals have a correlation of 0.983 with
     the true height. Twice what that lacks is granted.
     """
-    nanometres, measured = np.loadtxt(ran.folder / "spectrum.csv", delimiter=",").T
+    columns = np.loadtxt(ran.folder / "spectrum.csv", delimiter=",").T
+    nanometres, measured, lower, upper = columns
     # The simulation has a spectrum every 5 nm or so, of which the fit's are some.
     own = np.interp(nanometres, simulate.pigments.WAVELENGTHS, truth.spectrum(30, 40))
     assert np.sqrt(np.mean((measured - own) ** 2)) < 3 * 0.0084
+    # An interval of 95 %, whose errors at neighbouring wavelengths are alike.
+    assert np.mean((lower <= own) & (own <= upper)) > 0.8
+    assert ((lower < measured) & (measured < upper)).all()
     for height in (tifffile.imread(ran.folder / "height.tif"), ran.names["height"]):
         assert np.corrcoef(flat(height), flat(truth.height))[0, 1] > 0.966
 

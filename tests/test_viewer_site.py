@@ -20,7 +20,7 @@ from impasto.cli import main
 from impasto.surface import Surface
 from impasto.viewer import Contents, Site, ViewServer, script, write_site
 from impasto.viewer.layout import SHOWN, UNIT, Layout
-from impasto.viewer.scripts import page_file
+from impasto.viewer.scripts import style
 from loopback import fetched, request, running, serving
 
 LARGEST_PAGE = 150_000
@@ -156,7 +156,7 @@ def test_the_page_may_load_nothing_from_elsewhere(page: ViewServer) -> None:
 
 def test_the_page_is_small() -> None:
     """What must arrive before anything is shown, besides the maps."""
-    assert len(script().encode()) + len(page_file("style.css").encode()) < LARGEST_PAGE
+    assert len(script().encode()) + len(style().encode()) < LARGEST_PAGE
     assert script("module").rstrip().endswith("export { mount };")
     assert "import " not in re.sub(r"//.*", "", script())
 

@@ -1,22 +1,27 @@
 """How soon the viewer shows a painting, and how often a second it shows a moving light.
 
 ``python benches/python/viewer.py`` opens the page of ``impasto view`` in Chromium without a
-graphics card (Debian's, its software renderer) and prints one line per surface: milliseconds from
-the request of the page to the first picture, and frames per second of a moving light at full scale,
-each frame waited for, and the processor time of a frame: that does not depend on what else the
-machine does. The same for a room that turns, and the milliseconds of its tables at rest. The
-surfaces have 1024 x 1024 pixels, all of which are lit in every frame.
+graphics card (Debian's, its software renderer) and prints for each surface: milliseconds from
+the request of the page to the first picture; frames per second of a moving light with all pixels,
+each frame waited for, and the processor time of a frame, which does not depend on what else the
+machine does; frames per second while the light is dragged, with as many pixels as the page chooses,
+and how soon all are there again. Then a room: milliseconds of its tables, the longest task that
+blocks the page (tasks below 50 ms are none), frames while it turns. The surfaces have 1024 x 1024
+pixels, all of which are seen. ``--write`` records benches/results/viewer_frames.json.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import tempfile
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from record import run_info, show, write
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
@@ -26,7 +31,8 @@ from impasto.viewer import Contents, ViewServer
 
 SIDE = 1024
 FRAMES = 30
-TURNS = 6
+TURNING = 4000
+"""Milliseconds."""
 MOVE = f"""
 (() => {{
   const {{ viewer }} = window.impasto, {{ gl }} = viewer.renderer, one = new Uint8Array(4);
@@ -37,31 +43,62 @@ MOVE = f"""
     viewer.draw(0);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, one);
   }}
-  return [names.length, 1000 * {FRAMES} / (performance.now() - start)];
+  return 1000 * {FRAMES} / (performance.now() - start);
 }})()
 """
 
 
-TURN = f"""
+DRAG = """
+(async () => {
+  const { viewer } = window.impasto, frame = () => new Promise(requestAnimationFrame);
+  const drag = async seconds => {
+    const start = performance.now();
+    let frames = 0;
+    for (; performance.now() - start < 1000 * seconds; frames++) {
+      viewer.lightAt(0.6 * Math.cos(frames / 9), 0.6 * Math.sin(frames / 9));
+      await frame();
+    }
+    return frames / (performance.now() - start) * 1000;
+  };
+  await drag(2);
+  const rate = await drag(3), share = viewer.canvas.width / viewer.size.width;
+  const rested = performance.now();
+  while (viewer.moves || viewer.canvas.width < viewer.size.width) await frame();
+  return [rate, share, performance.now() - rested];
+})()
+"""
+
+
+ROOM = f"""
 (async () => {{
-  const {{ viewer }} = window.impasto, {{ gl }} = viewer.renderer, one = new Uint8Array(4);
+  const {{ viewer }} = window.impasto, frame = () => new Promise(requestAnimationFrame);
+  const tasks = [];
+  new PerformanceObserver(list => tasks.push(...list.getEntries().map(one => one.duration)))
+    .observe({{ type: "longtask" }});
+  const settled = async () => {{
+    const start = performance.now();
+    while (!viewer.renderer.prefilter?.shown || viewer.renderer.prefilter.busy) await frame();
+    return performance.now() - start;
+  }};
   viewer.set({{ ...viewer.first, environment: "gallery", view: viewer.state.view }});
   await viewer.environment();
-  const frame = dragging => {{
-    viewer.dragging = dragging;
-    viewer.stale = true;
-    viewer.state.rotation += 3;
-    viewer.draw(0);
-    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, one);
+  const first = await settled(), opening = Math.max(0, ...tasks.splice(0));
+  let pictures = 0, frames = 0;
+  const start = performance.now(), {{ step }} = viewer.renderer.prefilter;
+  viewer.renderer.prefilter.step = function () {{
+    const whole = step.call(this);
+    pictures += whole;
+    return whole;
   }};
-  frame(true);
-  let start = performance.now();
-  for (let i = 0; i < {TURNS}; i++) frame(true);
-  const rate = 1000 * {TURNS} / (performance.now() - start);
-  frame(false);
-  start = performance.now();
-  frame(false);
-  return [rate, performance.now() - start];
+  for (; performance.now() - start < {TURNING}; frames++) {{
+    viewer.rotate(3);
+    await frame();
+  }}
+  const passed = (performance.now() - start) / 1000;
+  await new Promise(done => setTimeout(done, 100));
+  const rest = await settled();
+  await new Promise(done => setTimeout(done, 100));
+  return [first, opening, frames / passed, pictures / passed, Math.max(0, ...tasks), rest];
 }})()
 """
 
@@ -103,25 +140,55 @@ def processor_seconds(parent: int) -> float:
     return sum(t for process, t in ticks.items() if below(process)) / os.sysconf("SC_CLK_TCK")
 
 
+def measured(name: str, surface: Surface) -> dict[str, Any]:
+    """A row of the table."""
+    server = ViewServer(Contents(surface))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        size = (SIDE + 400, SIDE + 120)
+        with chromium.Chromium(Path(folder), size=size) as browser:
+            browser.open(f"{server.url}#view={SIDE // 2},{SIDE // 2},1")
+            first = browser.value("document.documentElement.dataset.shown")
+            before = processor_seconds(browser._process.pid)
+            rate = browser.value(MOVE)
+            used = 1e3 * (processor_seconds(browser._process.pid) - before) / FRAMES
+            dragged, share, rested = browser.value(DRAG)
+            tables, opening, turning, pictures, longest, rest = browser.value(ROOM)
+    server.shutdown()
+    found = {
+        "first ms": float(first),
+        "all pixels fps": rate,
+        "processor ms": used,
+        "dragged fps": dragged,
+        "share": share,
+        "rested ms": rested,
+        "tables ms": tables,
+        "opening task ms": opening,
+        "turning fps": turning,
+        "new tables fps": pictures,
+        "turning task ms": longest,
+        "turned rested ms": rest,
+    }
+    digits = {"share": 2} | dict.fromkeys((one for one in found if one.endswith("fps")), 1)
+    return {"surface": name} | {
+        key: round(value, digits[key]) if key in digits else round(value)
+        for key, value in found.items()
+    }
+
+
 def main() -> None:
-    for name, surface in surfaces().items():
-        server = ViewServer(Contents(surface))
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            size = (SIDE + 400, SIDE + 120)
-            with chromium.Chromium(Path(folder), size=size) as browser:
-                browser.open(f"{server.url}#view={SIDE // 2},{SIDE // 2},1")
-                first = browser.value("document.documentElement.dataset.shown")
-                before = processor_seconds(browser._process.pid)
-                tiles, rate = browser.value(MOVE)
-                used = 1e3 * (processor_seconds(browser._process.pid) - before) / FRAMES
-                turning, resting = browser.value(TURN)
-        server.shutdown()
-        print(
-            f"{name:33} first picture {first:>5} ms, {rate:5.1f} frames/s, "
-            f"{used:4.0f} ms of processor time, {tiles} tiles; a room that turns "
-            f"{turning:4.1f} frames/s, at rest {resting:5.0f} ms"
-        )
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("surface", nargs="*", help="names of surfaces; default: all")
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    chosen = options.surface or list(surfaces())
+    loads = [os.getloadavg()[0]]
+    rows = [measured(name, one) for name, one in surfaces().items() if name in chosen]
+    loads.append(os.getloadavg()[0])
+    show(f"{SIDE} x {SIDE} pixels; processes that wanted a core: {loads}", rows)
+    if options.write:
+        run = run_info("python benches/python/viewer.py --write")
+        write("viewer_frames.json", {"run": run, "load": loads, "frames": rows})
 
 
 if __name__ == "__main__":

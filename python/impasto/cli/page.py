@@ -21,6 +21,11 @@ PHOTOGRAPHS = {
     ".lp", ".dome", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", ".dng", ".nef", ".cr2",
 }  # fmt: skip
 """Ends of names by which a folder is taken for one of photographs."""
+WHOLE = 1 << 23
+"""Most pixels of a painting whose photographs are read at once: 72 in three bands of 16 bits take
+3.6 GB then."""
+HELD = 1 << 26
+"""Bytes of rows that are kept of larger ones: files are decoded by whole rows."""
 
 
 def shown_result(folder: Path) -> tuple[Any, Any]:
@@ -129,14 +134,25 @@ def _instead(folder: Path) -> str:
     return ""
 
 
-def photographs_beside(path: Path | None, encoding: str | None, stages: Stages) -> Any:
-    """Photographs to compare with a result in the viewer, or None."""
+def photographs_beside(
+    path: Path | None, encoding: str | None, stages: Stages, pixels: int = 0
+) -> Any:
+    """Photographs to compare with a result in the viewer, or None.
+
+    Those of a painting of more than :data:`WHOLE` pixels are opened, and read where a pixel is
+    looked at.
+    """
     import impasto
+    from impasto.jobs.photographs import open_photographs
 
     if path is None:
         return None
     options: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
     with stages.warned(), stages.stage("photographs") as stage:
+        if pixels > WHOLE:
+            opened = open_photographs(path, options, HELD, None)
+            stage.note = f"{opened.shape[0]}, read pixel by pixel"
+            return opened
         stack = impasto.read_stack(path, **options)
         stage.note = f"{len(stack.rig)}"
     return stack

@@ -40,8 +40,8 @@ def view(
         The --out folder of impasto fit or demo, an sbrdf.npz, the .zarr of impasto job run, of any
         size, or what other programs made: a .ptm, an .rti or a folder of relight.
     photographs
-        What the result was fitted to (a light file, session.toml, folder or store), to compare with
-        its pictures: four of them are shown.
+        What the result was fitted to (a light file, session.toml, folder or store): four of them
+        are shown beside its pictures, and Inspect draws what all of them measured at a pixel.
     encoding
         Tone curve of the photographs: srgb, linear or a gamma. Default: srgb for 8-bit files,
         linear for all others.
@@ -92,7 +92,7 @@ def view(
     say_notes(painting, stages)
     other = painting_beside(against, stages)
     lens = camera_for_page(camera, illuminant)
-    stack = photographs_beside(photographs, encoding, stages)
+    stack = photographs_beside(photographs, encoding, stages, rows * columns)
     with stages.stage("page") as stage:
         contents = Contents(
             painting,

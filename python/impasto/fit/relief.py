@@ -189,6 +189,14 @@ class Relief:
                 lit += diffuse * between(around, *places)
             picture[:] = np.minimum(lit, most)
 
+    def seen(self, shape: tuple[int, int], rig: Rig) -> Map:
+        """``(obs, y, x)``, 0 to 1: the share of each light that shadows leave.
+
+        ``shape``: of the painting, or of the part of it where ``rig.origin`` is.
+        """
+        places = places_of(self.height.shape, self.step, shape, self._origin(rig))
+        return np.stack([between(visible, *places) for *_, visible, _ in self._each(rig)])
+
     def removed(self, stack: Stack, *, threads: int | None = None) -> Stack:
         """The photographs without the light that pixels get from others.
 

@@ -139,7 +139,7 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
             photographs, times the light's intensity. No sample exceeds the largest float32.
         """
         one_of(fidelity, get_args(Fidelity), "fidelity")
-        rig = self._meant(self.rig if lights is None else lights)
+        rig = self.lamps(self.rig if lights is None else lights)
         shown = self.modelled(rig, views, threads=threads, progress=progress)
         if self.residuals is not None and fidelity == "photographs":
             self.residuals.add_to(shown, self.rig, self._placed(rig, views))
@@ -147,7 +147,7 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
 
     def add_residuals(self, shown: NDArray[np.float32], residuals: Residuals, rig: Rig) -> None:
         """Add, in place, other residuals to what the model shows in :meth:`predict`."""
-        residuals.add_to(shown, self.rig, self._placed(self._meant(rig), None))
+        residuals.add_to(shown, self.rig, self._placed(self.lamps(rig), None))
 
     def modelled(
         self,
@@ -165,8 +165,12 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
             self.relief.add_to(shown, surface.diffuse, surface.ambient, placed)
         return shown
 
-    def _meant(self, rig: Any) -> Any:
-        """Lamps of the refined rig where there is one and nothing but directions is given."""
+    def lamps(self, rig: Any) -> Any:
+        """The lights for which :meth:`predict` takes others.
+
+        Lamps of the refined rig where there is one and nothing but directions is given; all others
+        as they are.
+        """
         if self.rig.refinement is not None and _directions_only(rig):
             return self.rig.at(rig)
         return rig

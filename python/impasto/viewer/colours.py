@@ -26,6 +26,7 @@ from impasto.colour.primaries import primary_spectra
 from impasto.colour.temperature import correlated_temperature
 from impasto.colour.wavelengths import interpolation_matrix
 from impasto.environment import Environment
+from impasto.fit.reflectance import noise_of_spectra
 from impasto.illumination import MIXING_GRID, channel_colours, lamp_colours
 from impasto.lighting import DENSEST, head_on
 from impasto.rig import FRONTAL, DistantLight
@@ -82,6 +83,7 @@ def colours_of(reflectance: Any, bands: int) -> dict[str, Any]:
     return found | {
         "basis": _rows(np.asarray(reflectance.basis, np.float64)),
         "wavelengths": _numbers(reflectance.wavelengths),
+        "interval": _interval(reflectance),
         "adaptation": {
             "reference": float(correlated_temperature(REFERENCE).temperature),
             "mean": MEAN_DEGREE,
@@ -94,6 +96,14 @@ def colours_of(reflectance: Any, bands: int) -> dict[str, Any]:
             _coat(name, label, coat, reflectance) for name, (label, coat) in VARNISHES.items()
         ],
     }
+
+
+def _interval(reflectance: Any) -> dict[str, Any] | None:
+    """How far spectra may be off (:meth:`impasto.Reflectance.interval`); None where unknown."""
+    spread = getattr(reflectance, "spread", None)
+    if spread is None:
+        return None
+    return {"spread": _numbers(spread), "noise": noise_of_spectra(reflectance.info)}
 
 
 def _illuminants(reflectance: Any, bands: int) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypedDict
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.checks import length_mm
+from impasto._internal.checks import instance, length_mm
 from impasto._internal.windows import Window
 from impasto.bands import Camera
 from impasto.environment import Environment
@@ -18,6 +18,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.rti import RelightableImage
 from impasto.pictures import STATUS_COLOURS, colour_ramp
+from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Relightable
 from impasto.viewer.environments import Environments
@@ -25,8 +26,9 @@ from impasto.viewer.layout import SHOWN, UNIT, UNREAD
 from impasto.viewer.photographs import Photographs
 from impasto.viewer.policy import policy
 from impasto.viewer.relightable import RelightablePainting
+from impasto.viewer.samples import Photographed, Samples, Windows, checked_size
 from impasto.viewer.scales import SIDE, Scale
-from impasto.viewer.scripts import page_file, script
+from impasto.viewer.scripts import page_file, script, style
 from impasto.viewer.surfaces import FIRST_LIGHT, painting_in_memory, painting_of_store
 
 FORMAT = 1
@@ -36,6 +38,7 @@ AGAINST = "against/"
 TILE = re.compile(rf"({AGAINST})?tiles/(\d{{1,2}})/(\d{{1,6}})-(\d{{1,6}})")
 ENVIRONMENT = re.compile(r"environments/(\d{1,2})")
 PHOTOGRAPH = re.compile(r"photographs/(\d{1,4})")
+SAMPLES = re.compile(r"samples/(\d{1,7})-(\d{1,7})")
 
 
 class ContentsOptions(TypedDict, total=False):
@@ -52,6 +55,7 @@ class ContentsOptions(TypedDict, total=False):
     pitch_mm: float | None
     height: ArrayLike | None
     environments: Sequence[Environment]
+    samples: bool
     threads: int | None
 
 
@@ -109,9 +113,11 @@ class Contents:
         :class:`impasto.Camera` of the photographs: where there is no reflectance it is estimated;
         of a store, for the tiles that are looked at. Also of ``against``.
     stack
-        Photographs to compare with, of a result without spectra in one or three bands.
+        The photographs, or a source of windows of them (:class:`impasto.jobs.Photographs`). Of
+        photographs in the bands of the result the page shows what was measured at a pixel; of a
+        result without spectra, in one or three bands, also whole photographs beside the picture.
     shown
-        Numbers of the photographs; default: four, evenly among all.
+        Numbers of the photographs that are shown whole; default: four, evenly among all.
     against
         Another painting of the same size, of any kind that ``result`` may be: the page shows both
         in the same lamp, with a line between them to drag, and their difference.
@@ -155,6 +161,7 @@ class Contents:
         pitch_mm: float | None = None,
         height: ArrayLike | None = None,
         environments: Sequence[Environment] = (),
+        samples: bool = True,
         threads: int | None = None,
     ) -> None:
         pitch = None if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
@@ -169,7 +176,13 @@ class Contents:
         rows, columns = self._scales[0].shape
         relightable = isinstance(painting, RelightablePainting)
         self._environments = None if relightable else Environments(environments)
-        self._photographs = Photographs(stack, shown, (rows, columns), painting.shown_bands)
+        self._samples = _samples(result, stack, (rows, columns))
+        self._photographs = Photographs(
+            stack if isinstance(stack, Stack) else None,
+            shown,
+            painting.shown_bands,
+            sampled=self._samples is not None,
+        )
         common = {
             "format": FORMAT,
             "width": columns,
@@ -188,6 +201,7 @@ class Contents:
             "statuses": _statuses(),
             "ramp": [list(map(int, colour)) for colour in colour_ramp()],
             "photographs": self._photographs.records,
+            "samples": samples and self._samples is not None,
         }
         self.document: dict[str, Any] = {"title": title} | common | painting.facts()
         if other is not None:
@@ -224,7 +238,7 @@ class Contents:
         """What makes the content of a file, which may raise IndexError; None: there is none."""
         pages: dict[str, Callable[[], bytes]] = {
             "index.html": self._index,
-            "style.css": lambda: page_file("style.css").encode(),
+            "style.css": lambda: style().encode(),
             "viewer.js": lambda: script().encode(),
             "document.js": self._document,
         }
@@ -237,7 +251,7 @@ class Contents:
     def data(self, name: str) -> Callable[[], bytes] | None:
         """The same by its name without ``.js``: of a tile gzip, of a photograph a PNG.
 
-        ``effects`` is JSON.
+        ``effects`` and ``samples/{row}-{column}`` are JSON.
         """
         if name == "effects":
             return lambda: json.dumps(self._paintings[0].effects()).encode("ascii")
@@ -248,6 +262,9 @@ class Contents:
         if (found := ENVIRONMENT.fullmatch(name)) and (rooms := self._environments) is not None:
             chosen = int(found[1])
             return lambda: rooms.data(chosen)
+        if (found := SAMPLES.fullmatch(name)) and (samples := self._samples) is not None:
+            place = int(found[1]), int(found[2])
+            return lambda: samples.data(*place)
         if found := PHOTOGRAPH.fullmatch(name):
             number = int(found[1])
             return lambda: self._photographs.png(number)
@@ -287,6 +304,23 @@ def _painting(
     if isinstance(result, StoredSbrdf):
         return painting_of_store(result, camera, threads)
     return RelightablePainting(result)
+
+
+def _samples(result: Any, stack: Any, shape: tuple[int, int]) -> Samples | None:
+    """What was measured at single pixels; None where nothing is known of it.
+
+    Raises
+    ------
+    ArgumentError
+        No photographs, or of another size.
+    """
+    if stack is None:
+        return None
+    if not isinstance(stack, Windows):
+        instance(stack, Stack, "stack", "an impasto.Stack, a source of windows or None")
+    photographed: Photographed = stack
+    checked_size(photographed, shape)
+    return Samples.of(result, photographed)
 
 
 def _common(painting: Painting, other: Painting) -> tuple[Scale, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import instance, picked
+from impasto._internal.checks import picked
 from impasto._internal.png import png
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
@@ -28,32 +28,28 @@ class Photographs:
         None: there are no photographs.
     shown
         Numbers of photographs; None: :data:`USUAL`, evenly among all.
-    shape
-        ``(y, x)`` of the painting.
     bands
         Of the result that the page shows; None: it is shown by spectra.
+    sampled
+        Whether the page shows samples of them otherwise.
 
     Raises
     ------
     ArgumentError
-        Photographs of another size, or in bands that are no colours of a display.
+        Photographs in bands that are no colours of a display, where they are not sampled either.
     """
 
     def __init__(
-        self, stack: Stack | None, shown: Any, shape: tuple[int, int], bands: int | None
+        self, stack: Stack | None, shown: Any, bands: int | None, *, sampled: bool
     ) -> None:
         self._numbers: list[int] = []
         self._stack = stack
         if stack is None:
             return
-        instance(stack, Stack, "stack", "an impasto.Stack or None")
-        count, own, *size = stack.shape
-        if tuple(size) != shape:
-            raise ArgumentError(
-                f"stack: expected photographs of {shape[0]} x {shape[1]} pixels, as the result "
-                f"has, found {size[0]} x {size[1]}"
-            )
+        count, own = stack.shape[:2]
         if bands is None or own not in {1, 3} or own != bands:
+            if sampled and shown is None:
+                return
             raise ArgumentError(
                 f"stack: photographs in {own} bands are compared with a result in the same one or "
                 "three bands, shown without spectra"

@@ -22,14 +22,20 @@ MODULES = (
     "state",
     "tiles",
     "values",
+    "environment",
+    "tables",
+    "pacer",
     "prefilter",
     "shader",
     "renderer",
     "plots",
     "annotations",
+    "elements",
+    "inspector",
     "controls",
     "saving",
     "geometry",
+    "drawing",
     "pointer",
     "host",
     "viewer",
@@ -48,13 +54,21 @@ IMPORT = re.compile(r"^import \{[^}]*\} from \"\./(\w+)\.js\";\n", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class|let)\b)", re.MULTILINE)
 
 
-COMMENT = re.compile(r"^//.*\n", re.MULTILINE)
+COMMENT = re.compile(r"^//.*\n|(?<=[;,{]) +// [^`\"\n]*$", re.MULTILINE)
+"""Of a line, or behind the end of a statement, also in the text of a shader."""
 INDENTED = re.compile(r"^[ ]+|^\n", re.MULTILINE)
 
 
 def page_file(name: str) -> str:
     """The text of a file of the page."""
     return (resources.files("impasto.viewer") / "page" / name).read_text(encoding="utf-8")
+
+
+@cache
+def style() -> str:
+    """The style of the page, without comments and spaces, which are for its authors."""
+    text = re.sub(r"/\*.*?\*/", "", page_file("style.css"), flags=re.DOTALL)
+    return re.sub(r"\s*([{};,])\s*|(?<=:) ", r"\1", text).strip()
 
 
 @cache
@@ -88,6 +102,6 @@ def script(form: Form = "classic") -> str:
     if form == "module":
         return f"{body}\nexport {{ {ENTRY} }};\n"
     if form == "notebook":
-        style = json.dumps(page_file("style.css"))
-        return f"const STYLE = {style};\n{body}\nexport default {{ render: {RENDER} }};\n"
+        body = f"const STYLE = {json.dumps(style())};\n{body}"
+        return f"{body}\nexport default {{ render: {RENDER} }};\n"
     return f"(() => {{\n'use strict';\n{body}\n{START}();\n}})();\n"

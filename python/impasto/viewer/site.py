@@ -137,6 +137,7 @@ def write_site(
         pitch_mm=pitch_mm,
         height=height,
         environments=environments,
+        samples=False,
         threads=threads,
     )
     names = list(contents.names())

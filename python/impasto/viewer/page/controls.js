@@ -1,60 +1,20 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
 import { adaptedTemperature, encodeSrgb } from "./colour.js";
-import { rotationOf } from "./prefilter.js";
+import { rotationOf } from "./environment.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
-import { codesOf, labOf, spectrumOf } from "./values.js";
-import { svg, spectrumPlot, lobePlot } from "./plots.js";
+import { svg } from "./plots.js";
+import { check, choice, degrees, h, heightWords, section, slider } from "./elements.js";
+import { pixelSection } from "./inspector.js";
 import { placeOf, textOf } from "./annotations.js";
 
-export function h(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (key in made && key !== "list" && key !== "form") made[key] = value;
-    else if (value !== null) made.setAttribute(key, value);
-  }
-  made.append(...children.filter(child => child !== null));
-  return made;
-}
-
-const degrees = value => `${Math.round(value)}°`;
 const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
 export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${SIDES[Math.round(azimuth / 45) % 8]}`}, ${degrees(elevation)} high`;
 
 export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°`;
 
 export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
-
-const heightWords = (doc, value) => `${value.toPrecision(3)} ${doc.pitch ? "mm" : "pixels"}`;
-
-let serial = 0;
-function slider(text, attributes, change, shown) {
-  const id = `impasto-${++serial}`, output = h("output", { htmlFor: id });
-  const input = h("input", { type: "range", id, ...attributes, oninput: () => change(Number(input.value)) });
-  const element = h("div", { className: "field" }, h("label", { htmlFor: id }, text), output, input);
-  return { element, input, update: value => {
-    if (input.getRootNode().activeElement !== input || Number(input.value) !== value) input.value = value;
-    output.textContent = shown(value);
-    input.setAttribute("aria-valuetext", shown(value));
-  } };
-}
-
-function choice(name, options, change) {
-  const group = `impasto-${++serial}`;
-  const inputs = options.map(option => h("input", { type: "radio", name: group, value: option.name, onchange: () => change(option.name) }));
-  const element = h("div", { className: "choice", role: "radiogroup", "aria-label": name },
-    ...options.map((option, i) => h("label", {}, inputs[i], h("span", {}, option.label))));
-  return { element, update: value => inputs.forEach(input => { input.checked = input.value === value; }) };
-}
-
-function check(text, change) {
-  const input = h("input", { type: "checkbox", onchange: () => change(input.checked) });
-  return { element: h("label", { className: "check" }, input, h("span", {}, text)), update: value => { input.checked = value; } };
-}
-
-const section = (title, open, ...children) => h("details", { open }, h("summary", {}, h("h2", {}, title)), h("div", { className: "body" }, ...children));
 
 // The sky above the painting, seen from in front: the middle is in front, the edge grazes.
 function dome(app) {
@@ -69,9 +29,9 @@ function dome(app) {
     const box = picture.getBoundingClientRect(), scale = size / box.width / reach;
     app.lightAt((event.clientX - box.left - box.width / 2) * scale, -(event.clientY - box.top - box.height / 2) * scale);
   };
-  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); app.moving(true); move(event); });
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); move(event); });
   picture.addEventListener("pointermove", event => picture.hasPointerCapture(event.pointerId) && move(event));
-  picture.addEventListener("lostpointercapture", () => app.moving(false));
+  picture.addEventListener("lostpointercapture", () => app.rest());
   picture.addEventListener("keydown", event => app.lightKey(event));
   return { element: picture, update: state => {
     const azimuth = app.onPage(state.azimuth), [x, y] = directionOf(azimuth, state.elevation);
@@ -84,20 +44,22 @@ function dome(app) {
 
 // An environment as somebody at the painting sees it who looks into the room; it is turned by dragging.
 function roomView(app) {
-  const [width, height] = [288, 144], picture = h("canvas", { width, height, className: "room", "aria-hidden": "true" });
+  const picture = h("canvas", { className: "room", "aria-hidden": "true" });
   let last = "", from = null;
-  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); from = event.clientX; app.moving(true); });
+  picture.addEventListener("pointerdown", event => { picture.setPointerCapture(event.pointerId); from = event.clientX; });
   picture.addEventListener("pointermove", event => {
     if (from === null) return;
     app.rotate(180 * (from - event.clientX) / picture.clientWidth);
     from = event.clientX;
   });
-  picture.addEventListener("lostpointercapture", () => { from = null; app.moving(false); });
+  picture.addEventListener("lostpointercapture", () => { from = null; app.rest(); });
   return { element: picture, update: state => {
-    const room = app.renderer.environments.get(state.environment), key = `${state.environment} ${state.rotation} ${Boolean(room)}`;
+    const height = app.moves ? 48 : 96, width = 2 * height;
+    const room = app.renderer.environments.get(state.environment), key = `${state.environment} ${state.rotation} ${height} ${Boolean(room)}`;
     picture.hidden = state.environment === "none";
     if (key === last || !room) return;
     last = key;
+    Object.assign(picture, { width, height });
     const data = new ImageData(width, height), most = Math.max(...room.board(state.rotation)) * room.front(state.rotation), rows = rotationOf(room.record, state.rotation);
     for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
       const longitude = ((x + 0.5) / width - 0.5) * Math.PI, latitude = (0.5 - (y + 0.5) / height) * Math.PI / 2, flat = Math.cos(latitude);
@@ -142,8 +104,6 @@ function lightSection(app, updates) {
   light.element.classList.add("columns");
   const turning = slider("Turned", { min: -180, max: 180, step: 1 }, value => app.set({ rotation: (value + 360) % 360 }), degrees);
   const view = roomView(app), lamp = h("div", { className: "stack" });
-  turning.input.addEventListener("pointerdown", () => app.moving(true));
-  for (const name of ["pointerup", "pointercancel"]) turning.input.addEventListener(name, () => app.moving(false));
   updates.push(view.update, state => {
     light.update(state.environment);
     turning.update(state.rotation > 180 ? state.rotation - 360 : state.rotation);
@@ -198,7 +158,7 @@ function legend(app) {
     if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
     if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
     const { scales, read } = app.doc;
-    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted(0)].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
+    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted()].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
     if (state.layer === "status") {
       element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
         const swatch = h("span", { className: "swatch" });
@@ -288,51 +248,6 @@ function compareSection(app, updates) {
   return section(doc.against ? "Beside it" : "Photographs", Boolean(doc.against), pick.element, what.element, scale, hint);
 }
 
-function pixelSection(app, updates) {
-  const body = h("div", { "aria-live": "polite" });
-  const made = section("Pixel", false, body);
-  const hint = h("p", { className: "faint" }, "Choose Inspect (I), then a place of the painting.");
-  body.append(hint);
-  app.showPixel = (place, values) => {
-    if (!place) return body.replaceChildren(hint);
-    made.open = true;
-    const { doc } = app, { colours } = doc, rows = [["Place", `column ${place[0]}, row ${place[1]}`]];
-    if (doc.pitch) rows.push(["", `${((place[0] + 0.5) * doc.pitch).toFixed(1)} mm from the left, ${((place[1] + 0.5) * doc.pitch).toFixed(1)} mm from the top`]);
-    if (!values.relit) rows.push(["Status", values.status ? `${values.status.name}: ${values.status.reason}` : "not read"]);
-    const plots = [];
-    if (values.relit) {
-      const under = values.relit(app.renderer.geometry(app.state).towards);
-      rows.push([doc.basis.coding === "linear" ? "In this light, linear" : "In this light, coded", under.map(value => value.toFixed(3)).join(", ")]);
-    } else if (values.shown) {
-      rows.push(["Normal", `leans ${(90 - values.elevation).toFixed(1)}° towards ${degrees(values.azimuth)}`]);
-      for (const name of doc.quality) rows.push([QUALITY[name].label, values.quality[name] < 0 ? "not known" : QUALITY[name].shown(values.quality[name])]);
-      if (values.height !== null) rows.push(["Height", heightWords(doc, values.height)]);
-      if (colours.basis) {
-        const lab = labOf(colours, app.state.illuminant, values.diffuse);
-        rows.push(["Lab", lab.map(value => value.toFixed(1)).join(", ")]);
-        plots.push(h("h3", {}, "Reflectance"), spectrumPlot(colours.wavelengths, spectrumOf(colours, values.diffuse)));
-      } else {
-        rows.push(["Colour", values.diffuse.map((value, k) => `${doc.bands[k] ?? k + 1} ${value.toFixed(3)}`).join(", ")]);
-      }
-      const codes = codesOf(app.renderer.colours.diffuse, values.diffuse);
-      rows.push(["In full light", codes.join(", ")]);
-      values.lobes.forEach((lobe, i) => {
-        const shape = doc.model === "lafortune" ? lobe.shape.map((value, k) => `${["Cxy", "Cz", "n"][k]} ${value.toPrecision(3)}`).join(", ")
-          : `half-width ${(lobe.shape[0] * 180 / Math.PI).toPrecision(3)}°`;
-        const strength = lobe.strength.length === 1 ? `, strength ${lobe.strength[0].toPrecision(3)}` : "";
-        rows.push([values.lobes.length > 1 ? `Lobe ${i + 1}` : "Gloss", shape + strength]);
-      });
-      const luminance = values => {
-        const row = colours.illuminants[0].diffuse[1];
-        return values.reduce((sum, value, k) => sum + row[k] * value, 0);
-      };
-      plots.push(h("h3", {}, "Reflected light"), lobePlot(doc, values, luminance));
-    }
-    body.replaceChildren(h("dl", { className: "values" }, ...rows.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])), ...plots);
-  };
-  return made;
-}
-
 function noteSection(app) {
   const list = h("ul", { className: "notes" }), hint = h("p", { className: "faint" }, "Choose Note (N) and draw a rectangle on the painting.");
   const kept = h("p", { className: "faint" });
@@ -348,7 +263,7 @@ function noteSection(app) {
     h("button", { type: "button", onclick: () => app.saveNotes() }, "Save notes"), h("button", { type: "button", onclick: () => open.click() }, "Open notes"), open));
 }
 
-const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°"], ["R", "raking light, turned on by 45°"],
+const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°; with Inspect the place, with Shift by 10"], ["R", "raking light, turned on by 45°"],
   ["+ − 0 1", "zoom, show all, pixel for pixel"], ["Shift and drag", "move"], ["wheel, two fingers", "zoom"], ["T", "turn the picture by 90°"], ["P", "copy a link to this view"], ["S", "save the picture"], ["H", "hide the panel"]];
 
 export function panel(app) {

@@ -2,12 +2,18 @@
 
 import { directionOf } from "./state.js";
 
-// Needs `canvas`, `doc`, `state` and `set` of the viewer that it is part of.
+// Needs `canvas`, `doc`, `state` and `set` of the viewer that it is part of, and its `size` on the screen: places of the
+// canvas are pixels of that, however many the canvas has while something moves.
 export class Geometry {
+  // Pixels of the canvas for one of the page.
+  get ratio() {
+    return this.size.width / this.canvas.clientWidth || 1;
+  }
+
   // Columns and rows of the canvas per pixel of the painting, and where the painting's middle of view lies.
   get view() {
     if (this.state.view) return this.state.view;
-    const { width, height, clientWidth } = this.canvas, ratio = width / clientWidth || 1;
+    const { size: { width, height }, ratio } = this;
     const [above, below, beside] = [60, 56, 20].map(value => value * ratio);
     const [[a, b], [c, d]] = this.turn, { width: columns, height: rows } = this.doc;
     const across = Math.abs(a) * columns + Math.abs(b) * rows, down = Math.abs(c) * columns + Math.abs(d) * rows;
@@ -23,7 +29,7 @@ export class Geometry {
 
   zoomTo(zoom, at = null) {
     const [x, y, before] = this.view;
-    const after = Math.min(Math.max(zoom, 0.2 * Math.min(this.canvas.width / this.doc.width, this.canvas.height / this.doc.height, 1)), 64);
+    const after = Math.min(Math.max(zoom, 0.2 * Math.min(this.size.width / this.doc.width, this.size.height / this.doc.height, 1)), 64);
     if (!at) return this.set({ view: [x, y, after] });
     const place = this.place(at);
     this.state.view = [x, y, after];
@@ -55,7 +61,7 @@ export class Geometry {
 
   // From the painting's pixels (rows down) to those of the canvas: two rows of three numbers.
   get projection() {
-    const [x, y, zoom] = this.view, { width, height } = this.canvas;
+    const [x, y, zoom] = this.view, { width, height } = this.size;
     const [[m, n], [o, p]] = this.turn.map(row => row.map(value => zoom * value));
     return [[m, n, width / 2 - m * x - n * y], [o, p, height / 2 - o * x - p * y]];
   }
@@ -70,7 +76,7 @@ export class Geometry {
     const extent = 2 * Math.hypot(doc.width, doc.height);
     const [right, down] = this.turned([-vx * scale, vy * vz * scale]);
     return {
-      shift: [right / this.canvas.width, -down / this.canvas.height],
+      shift: [right / this.size.width, -down / this.size.height],
       depth: [-vx / extent, vy / extent, -vz * pixels / extent],
     };
   }
@@ -85,13 +91,13 @@ export class Geometry {
   }
 
   goTo([x, y, width, height]) {
-    const zoom = Math.min(0.5 * this.canvas.width / width, 0.5 * this.canvas.height / height, 8);
+    const zoom = Math.min(0.5 * this.size.width / width, 0.5 * this.size.height / height, 8);
     this.set({ view: [x + width / 2, y + height / 2, zoom] });
   }
 
   // Where on the canvas a pointer is.
   at(event) {
-    const box = this.canvas.getBoundingClientRect(), ratio = this.canvas.width / box.width;
+    const box = this.canvas.getBoundingClientRect(), ratio = this.size.width / box.width;
     return [(event.clientX - box.left) * ratio, (event.clientY - box.top) * ratio];
   }
 

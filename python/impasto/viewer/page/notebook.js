@@ -1,7 +1,7 @@
 // A painting in the output of a notebook, as anywidget (https://anywidget.dev) asks for it: tiles come from the model, or by its messages.
 
 import { decompressed, jsonOf, pictureOf } from "./tiles.js";
-import { h } from "./controls.js";
+import { h } from "./elements.js";
 import { mount } from "./start.js";
 
 const PATIENCE = 8000; // ms until a reader is told why nothing is seen
@@ -35,6 +35,7 @@ function modelSource(model) {
     effects: () => load("effects").then(jsonOf),
     photograph: number => load(`photographs/${number}`).then(pictureOf),
     environment: number => load(`environments/${number}`).then(decompressed),
+    samples: (row, column) => load(`samples/${row}-${column}`).then(jsonOf),
     close: () => model.off("msg:custom", answer),
   };
 }

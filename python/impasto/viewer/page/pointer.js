@@ -25,7 +25,7 @@ export class Pointer {
       app.zoomTo(app.view[2] * 2 ** (-event.deltaY * lines / (event.ctrlKey ? 80 : 320)), app.at(event));
     }, { passive: false });
     divider.addEventListener("pointerdown", event => divider.setPointerCapture(event.pointerId));
-    divider.addEventListener("pointermove", event => divider.hasPointerCapture(event.pointerId) && app.set({ split: Math.min(Math.max(app.at(event)[0] / canvas.width, 0), 1) }));
+    divider.addEventListener("pointermove", event => divider.hasPointerCapture(event.pointerId) && app.set({ split: Math.min(Math.max(app.at(event)[0] / app.size.width, 0), 1) }));
     divider.addEventListener("keydown", event => {
       const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
       if (!step) return;
@@ -38,12 +38,12 @@ export class Pointer {
 
   // An environment turns by half of a circle over the width of the canvas.
   turn(before, now) {
-    this.app.rotate(180 * (now[0] - before[0]) / this.app.canvas.width);
+    this.app.rotate(180 * (now[0] - before[0]) / this.app.size.width);
   }
 
   // The light by where the pointer is on the canvas: its middle is in front, the nearer edge grazes.
   light([x, y]) {
-    const { width, height } = this.app.canvas, reach = 0.48 * Math.min(width, height);
+    const { width, height } = this.app.size, reach = 0.48 * Math.min(width, height);
     this.app.lightAt((x - width / 2) / reach, (height / 2 - y) / reach);
   }
 
@@ -65,10 +65,7 @@ export class Pointer {
     const pan = event.button === 1 || event.button === 2 || event.shiftKey;
     this.action = pan ? "move" : this.tool;
     this.from = at;
-    if (this.action === "light") {
-      app.moving(true);
-      if (app.state.environment === "none") this.light(at);
-    }
+    if (this.action === "light" && app.state.environment === "none") this.light(at);
     if (this.action === "inspect") this.inspect(at);
   }
 
@@ -97,7 +94,7 @@ export class Pointer {
 
   up(event) {
     this.places.delete(event.pointerId);
-    if (this.action === "light") this.app.moving(false);
+    if (this.action === "light") this.app.rest();
     if (this.action === "note" && this.drawn) this.app.askNote(this.drawn);
     if (!this.places.size) this.action = null;
   }
@@ -110,7 +107,7 @@ export class Pointer {
   key(event) {
     const { app } = this, { state } = app, [target] = event.composedPath();
     if (event.ctrlKey || event.metaKey || event.altKey || /^(input|textarea|select)$/i.test(target.tagName)) return;
-    if (target === app.canvas && app.lightKey(event)) return;
+    if (target === app.canvas && (this.tool === "inspect" ? app.inspectKey(event) : app.lightKey(event))) return;
     const acts = {
       "+": () => app.zoomTo(1.25 * app.view[2]), "=": () => app.zoomTo(1.25 * app.view[2]), "-": () => app.zoomTo(app.view[2] / 1.25),
       0: () => app.fit(), 1: () => app.zoomTo(1), h: () => app.togglePanel(), t: () => app.turn90(), p: () => app.copyLink(), s: () => app.savePicture(),

@@ -6,10 +6,12 @@ import { planeWeights } from "./basis.js";
 import { fresnel } from "./values.js";
 import { QUALITY, directionOf } from "./state.js";
 import { COATED, FRESNEL, VERTEX, fragment, showFragment, showVertex } from "./shader.js";
+import { Pacer } from "./pacer.js";
 import { Prefilter } from "./prefilter.js";
 
 const MEMORY = 384 << 20; // bytes of textures that are kept
 const SHARP = 4; // pixels of the canvas that one of a map is wide, from which on it keeps its edges
+const TEXELS = [1 << 18, 1 << 15]; // the first number and the least of texels that are lit between two frames
 const CELLS = 128; // of the grid of a tile whose heights are shown
 export const MOST_DIFFERENCE = 20; // CIEDE2000 at the end of the ramp
 
@@ -35,6 +37,7 @@ export class Renderer {
     this.programs = new Map();
     this.light = null;
     this.prefilter = null;
+    this.pacer = new Pacer(gl, ...TEXELS);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.ramp = this.row(this.doc.ramp);
     const statuses = Array.from({ length: 256 }, (_, code) => this.doc.statuses[code]?.colour ?? [255, 0, 255]);
@@ -160,8 +163,9 @@ export class Renderer {
     return state.layer === "picture" && state.photograph < 0 ? this.environments.get(state.environment) ?? null : null;
   }
 
-  // From now on tiles are lit as a state says. `quality`: of the tables of an environment. `linear`: see the shader.
-  setState(state, quality = "resting", linear = false) {
+  // From now on tiles are lit as a state says. `quality`: of the tables of an environment, made now; null: those that are
+  // there, which `prefilter` refines. `linear`: see the shader.
+  setState(state, quality = null, linear = false) {
     const gl = this.gl, doc = this.doc;
     const coat = doc.colours.varnishes.find(one => one.name === state.varnish) ?? null;
     const { view, towards, light, falloff, intensity } = this.geometry(state);
@@ -171,13 +175,15 @@ export class Renderer {
       cosines: [towards[2], view[2] / far], intensity: state.photograph >= 0 ? 1 : intensity,
     });
     this.colours = colours;
-    const environment = this.environmentOf(state), index = coat ? coat.index : doc.index, coatScale = 2 / (1 - ((index - 1) / (index + 1)) ** 2);
+    const wished = this.environmentOf(state), index = coat ? coat.index : doc.index, coatScale = 2 / (1 - ((index - 1) / (index + 1)) ** 2);
     const eye = view.slice(0, 3).map(value => value / far);
-    if (environment) {
+    if (wished) {
       this.prefilter ??= new Prefilter(this, { fresnel: FRESNEL, coated: doc.coated ? COATED : "" });
-      this.prefilter.make(environment, { degrees: state.rotation, view: eye, index, coatScale, quality });
-    }
-    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear } : {}) };
+      this.prefilter.aim(wished, { degrees: state.rotation, view: eye, index, coatScale }, quality);
+    } else this.prefilter?.halt();
+    // Until there are tables, the lamp; until those of this state are there, what they show.
+    const { environment, degrees } = (wished && this.prefilter.shown?.goal) ?? {};
+    const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear, clipped: state.clipped } : {}) };
     this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
     const { program, at } = this.light;
     gl.useProgram(program);
@@ -208,10 +214,9 @@ export class Renderer {
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
-    gl.uniform1i(at("uClipped"), state.clipped ? 1 : 0);
     if (environment) {
       this.prefilter.bind(at);
-      const lit = channelColours(doc.colours, { illuminant: state.illuminant, adaptation: state.adaptation, varnish: coat, exposure: state.exposure, height: eye[2], board: environment.board(state.rotation) });
+      const lit = channelColours(doc.colours, { illuminant: state.illuminant, adaptation: state.adaptation, varnish: coat, exposure: state.exposure, height: eye[2], board: environment.board(degrees) });
       this.colours.factor = lit.factor;
       gl.uniform3fv(at("uChannels"), lit.diffuse.flatMap(columns));
       gl.uniform3fv(at("uFaces"), lit.interface.flat());
@@ -244,6 +249,30 @@ export class Renderer {
     const bare = mirror ? own : coat.head_on;
     const share = bare > 0 ? between / bare : 1;
     return [share, mirror ? 0 : own / coat.head_on - share];
+  }
+
+  // Tiles that are not lit by the present state.
+  dark(names) {
+    return names.filter(name => this.textures.get(name)?.key !== this.version);
+  }
+
+  // Whether tiles can be lit between two frames.
+  quick(names) {
+    const dark = this.dark(names).map(name => this.textures.get(name));
+    return !dark.length || (this.pacer.free && dark.reduce((sum, { width, height }) => sum + width * height, 0) <= this.pacer.amount);
+  }
+
+  // Light as many of them as that, at least one.
+  lightSome(names) {
+    if (!this.pacer.free) return;
+    let left = this.pacer.amount;
+    for (const name of names) {
+      const { width, height } = this.textures.get(name);
+      if (left < this.pacer.amount && left < width * height) break;
+      left -= width * height;
+      this.lit(name);
+    }
+    this.pacer.given(this.dark(names).length > 0);
   }
 
   // Light a tile if it is not lit by the present state.

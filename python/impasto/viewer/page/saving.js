@@ -1,6 +1,6 @@
 // What leaves the page: pictures and files; and the dialog of a note.
 
-import { h } from "./controls.js";
+import { h } from "./elements.js";
 
 // A picture turned as on the page.
 export async function upright(data, turns) {

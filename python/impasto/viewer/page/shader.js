@@ -3,7 +3,7 @@
 // graphics card runs both sides of every branch.
 
 import { DECODED, weightedSum } from "./basis.js";
-import { LOOKUPS, PROJECTED, SPREADS } from "./prefilter.js";
+import { LOOKUPS, PROJECTED, SPREADS } from "./tables.js";
 import { shapeNames } from "./values.js";
 
 export const VERTEX = `#version 300 es
@@ -112,10 +112,11 @@ function plane(doc, name) {
 }
 
 // `coat`, `near` and `nearView`: whether there is a varnish, whether lamp and eye are places. `environment`: whether
-// light comes from one in place of a lamp. `linear`: light of the display as it is, instead of its codes.
-export function fragment(doc, { layer, coat, near, nearView, environment, linear }) {
+// light comes from one in place of a lamp. `linear`: light of the display as it is, instead of its codes. `clipped`: mark
+// what the display cannot show.
+export function fragment(doc, { layer, coat, near, nearView, environment, linear, clipped }) {
   const k = doc.coefficients, mirror = doc.model === "lafortune", picture = layer === "picture";
-  const used = new Set(["flags"]);
+  const used = new Set(["flags"]), end = shownAs({ linear, clipped });
   const read = name => {
     used.add(name);
     return plane(doc, name);
@@ -123,7 +124,7 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
-    picture: () => (doc.basis ? relit(doc, read, linear) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, linear })),
+    picture: () => (doc.basis ? relit(doc, read, end) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, end })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
     normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
@@ -149,7 +150,7 @@ ${near || nearView ? "" : "#define DISTANT"}
 ${samplers.join("\n")}
 uniform sampler2D uRamp;
 uniform sampler2D uStatuses;
-${doc.basis ? "uniform highp sampler2D uWeights; // of the planes of a relightable image\nuniform float uFactor;" : ""}
+${doc.basis ? "uniform highp sampler2D uWeights;\nuniform float uFactor;" : ""}
 uniform vec2 uFirst;      // first pixel of the tile from the painting's middle, in mm
 uniform float uStep;      // width of a pixel of this scale in mm
 uniform vec3 uLight;      // direction to the lamp, or its place in mm
@@ -170,7 +171,6 @@ uniform float uAmbient;
 uniform vec4 uCoat;       // strength and shape of the varnish's lobe
 uniform vec2 uBeneath;    // what it leaves of the lobes: a share, and more of it where they are metal's
 uniform vec2 uRange;
-uniform bool uClipped;    // mark what the display cannot show
 ${environment ? `uniform sampler2D uIrradiance;
 uniform sampler2DArray uLobes0;
 uniform sampler2DArray uLobes1;
@@ -208,14 +208,14 @@ ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
 }
 
 // From linear light to the display.
-const SHOWN = `shown = vec4(encoded(colour), 1.0);
-  if (uClipped && ((at.x + at.y) & 3) < 2) {
+const shownAs = ({ linear, clipped }) => (linear ? "shown = vec4(colour, 1.0);" : `shown = vec4(encoded(colour), 1.0);
+${clipped ? `  if (((at.x + at.y) & 3) < 2) {
     if (max(colour.r, max(colour.g, colour.b)) > 1.0) shown.rgb = vec3(${MARKS.bright});
     else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
-  }`;
+  }` : ""}`);
 
 // The light of a lamp that a pixel reflects.
-function lit(doc, { coat, near, nearView, mirror, read, sum, linear }) {
+function lit(doc, { coat, near, nearView, mirror, read, sum, end }) {
   const lobes = doc.lobes.map((lobe, number) => {
     const shape = shapeNames(doc).map(name => read(name + number));
     const value = `${coat ? "kept * " : ""}uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
@@ -240,18 +240,18 @@ ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular * uInterface;
 ${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
-  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
+  ${end}`;
 }
 
 // What a relightable image shows, whose functions know the direction of the light alone.
-function relit(doc, read, linear) {
+function relit(doc, read, end) {
   return `${weightedSum(doc.basis, read)}
   colour *= uFactor;
-  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
+  ${end}`;
 }
 
 // The light of an environment that a pixel reflects: of each channel its irradiance and what the lobes mirror.
-function surrounded(doc, { coat, nearView, mirror, read, sum, linear }) {
+function surrounded(doc, { coat, nearView, mirror, read, sum, end }) {
   const channels = prefix => Array.from({ length: doc.coefficients }, (_, i) =>
     `${read(prefix + i)} * (e.r * uChannels[${i}] + e.g * uChannels[${doc.coefficients + i}] + e.b * uChannels[${2 * doc.coefficients + i}])`).join(" + ");
   const kept = coat ? "kept * " : "";
@@ -271,7 +271,7 @@ ${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * $
 ${lobes.join("\n")}
 ${coat ? "  specular += uGloss * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular.r * uFaces[0] + specular.g * uFaces[1] + specular.b * uFaces[2];
-  ${linear ? "shown = vec4(colour, 1.0);" : SHOWN}`;
+  ${end}`;
 }
 
 // Width or strength of the lobe that reflects most: strength times squared width. Of a coloured lobe the strength is

@@ -1,7 +1,7 @@
 // Where a page begins: a painting in an element of a site, or of whatever else shows it.
 
 import { scriptSource } from "./tiles.js";
-import { h } from "./controls.js";
+import { h } from "./elements.js";
 import { pageHost } from "./host.js";
 import { Viewer } from "./viewer.js";
 

@@ -27,6 +27,7 @@ export function scriptSource(folder) {
     // An image from a file would not be readable by WebGL: a page from a disk has no origin.
     photograph: number => load(`photographs/${number}`).then(pictureOf),
     environment: number => load(`environments/${number}`).then(decompressed),
+    samples: (row, column) => load(`samples/${row}-${column}`).then(jsonOf),
   };
 }
 

@@ -63,6 +63,13 @@ export function rangesOf(doc, buffer, size) {
 export const spectrumOf = (colours, coefficients) =>
   colours.wavelengths.map((_, i) => coefficients.reduce((sum, value, k) => sum + value * colours.basis[k][i], 0));
 
+// How far a spectrum may be off at each wavelength; null: not known.
+export function intervalOf({ interval }, spectrum) {
+  if (!interval) return null;
+  const size = Math.sqrt(spectrum.reduce((sum, value) => sum + value * value, 0) / spectrum.length);
+  return interval.spread.map(spread => Math.hypot(spread * size, interval.noise));
+}
+
 // Lab, relative to the white of the light, of the diffuse colour in full light.
 export function labOf(colours, illuminant, coefficients) {
   const light = colours.illuminants.find(one => one.name === illuminant);

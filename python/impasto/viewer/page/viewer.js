@@ -2,27 +2,28 @@
 
 import { Tiles } from "./tiles.js";
 import { Renderer } from "./renderer.js";
-import { Geometry } from "./geometry.js";
+import { Drawing } from "./drawing.js";
 import { Pointer, TOOLS } from "./pointer.js";
 import { pixelValues, rangesOf } from "./values.js";
 import { svg } from "./plots.js";
-import { EnvironmentMap } from "./prefilter.js";
+import { EnvironmentMap } from "./environment.js";
 import { exr } from "./exr.js";
-import { annotationPage, annotationsOf, note, placeOf } from "./annotations.js";
-import { anglesFromPlane, h, lightWords, panel, roomWords } from "./controls.js";
+import { annotationPage, annotationsOf, note } from "./annotations.js";
+import { h } from "./elements.js";
+import { anglesFromPlane, lightWords, panel, roomWords } from "./controls.js";
 import { download, noteDialog, upright } from "./saving.js";
-import { directionOf, firstState, layersOf, stateOfText, textOfState } from "./state.js";
+import { directionOf, firstState, stateOfText, textOfState } from "./state.js";
 
 const FORMAT = 1;
 const LARGEST_PICTURE = 1 << 26; // pixels of a PNG
-const SLOW = 70, QUICK = 28; // ms between frames at which a moving light is shown more coarsely, or finely again
-const HIDDEN = 250; // ms until it is tried again to draw what has no size
+const REST = 120; // ms for which a pixel is looked at before its samples are asked for
+const LATE = 10000; // ms until a reader is told that they do not come
 
-export class Viewer extends Geometry {
+export class Viewer extends Drawing {
   constructor(element, doc, source, host) {
     super();
     if (doc.format !== FORMAT) throw new Error(`the painting has the format ${doc.format}, this page shows ${FORMAT}`);
-    Object.assign(this, { element, doc, source, host, coarse: 0, dragging: false, notes: host.notes(), statuses: [], first: firstState(doc), pointer: new Pointer(this) });
+    Object.assign(this, { element, doc, source, host, notes: host.notes(), statuses: [], first: firstState(doc), pointer: new Pointer(this) });
     this.build();
     this.renderer = new Renderer(this.canvas, doc);
     this.tiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.renderer));
@@ -31,6 +32,7 @@ export class Viewer extends Geometry {
       this.otherTiles = new Tiles(source, (name, entry) => this.arrived(name, entry, this.other), "against/");
     }
     this.panel = panel(this);
+    this.panel.element.addEventListener("input", () => this.stir(), true);
     this.element.append(this.panel.element);
     this.state = stateOfText(host.read(), doc);
     this.listen();
@@ -110,8 +112,8 @@ export class Viewer extends Geometry {
     const record = this.doc.environments[number];
     this.maps ??= new Map();
     if (!this.maps.has(number)) {
-      const loaded = this.source.environment(number).then(buffer => {
-        this.renderer.environments.set(record.name, new EnvironmentMap(record, buffer));
+      const loaded = this.source.environment(number).then(buffer => EnvironmentMap.read(record, buffer)).then(map => {
+        this.renderer.environments.set(record.name, map);
         this.changed();
       });
       this.maps.set(number, loaded);
@@ -126,6 +128,7 @@ export class Viewer extends Geometry {
   }
 
   rotate(degrees) {
+    this.stir();
     this.set({ rotation: ((this.state.rotation + degrees) % 360 + 360) % 360 });
   }
 
@@ -138,6 +141,7 @@ export class Viewer extends Geometry {
   // By a place in the unit circle of the page: right and up.
   lightAt(x, y) {
     const { azimuth, elevation } = anglesFromPlane(x, y);
+    this.stir();
     this.set({ azimuth: this.onPainting(azimuth), elevation, photograph: -1, environment: "none" });
   }
 
@@ -165,145 +169,6 @@ export class Viewer extends Geometry {
     return true;
   }
 
-  // The renderer of the other painting, while it is shown beside.
-  get beside() {
-    const { against, layer } = this.state;
-    return against && layersOf(this.doc.against).some(one => one.name === layer) ? this.other : null;
-  }
-
-  // --- tiles
-
-  sizeOf(name) {
-    const [number, row, column] = name.split(/[/-]/).map(Number), { side } = this.doc, scale = this.doc.scales[number];
-    return { width: Math.min(side, scale.width - column * side), height: Math.min(side, scale.height - row * side) };
-  }
-
-  // The tiles of a scale that are seen, the middle first.
-  seen(number) {
-    const { width, height } = this.canvas, scale = this.doc.scales[number], side = this.doc.side * scale.factor;
-    const corners = [[0, 0], [width, 0], [0, height], [width, height]].map(at => this.place(at));
-    const range = (axis, count) => {
-      const values = corners.map(corner => corner[axis] / side);
-      return [Math.max(0, Math.floor(Math.min(...values))), Math.min(count - 1, Math.floor(Math.max(...values)))];
-    };
-    const [left, right] = range(0, Math.ceil(scale.width / this.doc.side)), [top, bottom] = range(1, Math.ceil(scale.height / this.doc.side));
-    const found = [], middle = this.place([width / 2, height / 2]).map(value => value / side - 0.5);
-    for (let row = top; row <= bottom; row++) for (let column = left; column <= right; column++) {
-      found.push({ name: `${number}/${row}-${column}`, far: Math.hypot(column - middle[0], row - middle[1]) });
-    }
-    return found.sort((one, other) => one.far - other.far).map(one => one.name);
-  }
-
-  // The scale at which the painting is seen; a moving light is shown more coarsely where it is slow.
-  wanted(coarse) {
-    const zoom = this.view[2], last = this.doc.scales.length - 1;
-    let number = 0;
-    while (number < last && this.doc.scales[number + 1].factor * zoom <= 1.42) number++;
-    return Math.min(number + coarse, last);
-  }
-
-  arrived(name, entry, renderer) {
-    if (entry.failed) this.say(`A part of the painting could not be loaded (${name}).`);
-    else if (!this.renderer.gl.isContextLost()) {
-      const { width, height } = this.sizeOf(name);
-      renderer.upload(name, entry.buffer, width, height);
-    }
-    this.redraw();
-  }
-
-  redraw() {
-    // Nothing else is asked for before the first tile is there.
-    if (this.frame || !this.started) return;
-    this.frame = requestAnimationFrame(now => {
-      this.frame = 0;
-      this.draw(now);
-    });
-  }
-
-  draw(now) {
-    if (this.renderer.gl.isContextLost()) return;
-    // A notebook hides an output for a while, sometimes within a frame, which no observer is told.
-    if (!this.canvas.clientWidth) {
-      clearTimeout(this.hidden);
-      this.hidden = setTimeout(() => this.redraw(), HIDDEN);
-      return;
-    }
-    if (this.dragging && this.last) {
-      const passed = now - this.last;
-      if (passed > SLOW && passed < 1000) this.coarse = Math.min(this.coarse + 1, 2);
-      else if (passed < QUICK && this.coarse) this.steady = (this.steady ?? 0) + 1;
-      if (this.steady > 20) [this.steady, this.coarse] = [0, this.coarse - 1];
-    }
-    this.last = this.dragging ? now : 0;
-    // Layers of both paintings are shown on the same ramps.
-    const other = this.beside;
-    if (other) other.ranges = this.renderer.ranges;
-    if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state, this.dragging ? "moving" : "resting");
-    this.stale = false;
-    const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name);
-    const finest = this.wanted(0), coarse = this.wanted(this.coarse);
-    let number = coarse;
-    // Coarser tiles that are not there yet are no reason to show less than is there.
-    if (!this.seen(coarse).every(whole)) number = finest;
-    const here = this.seen(number), there = here.filter(name => this.renderer.has(name));
-    let names = there;
-    if (there.length < here.length) {
-      // What is not there yet is shown by coarser scales below it.
-      for (let coarser = number + 1; coarser <= last; coarser++) {
-        const found = this.seen(coarser).filter(name => this.renderer.has(name));
-        names = [...found, ...names];
-        if (found.length === this.seen(coarser).length) break;
-      }
-    }
-    this.tiles.want([...(this.renderer.has(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
-    const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.canvas;
-    const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
-    this.renderer.draw(names, { clip, zoom: this.view[2], state: this.state, relief: this.displacement, other });
-    if (other) {
-      this.otherTiles.want([...here, ...names].filter(name => !other.has(name)));
-      for (const gone of other.trim(new Set([...names, ...here]))) this.otherTiles.forget(gone);
-    }
-    for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
-    if (names.length) this.wait.hidden = !this.unknown || this.state.layer === "status";
-    if (names.length) this.host.shown(there.length === here.length && (!other || here.every(name => other.has(name))));
-    this.drawOver();
-  }
-
-  // --- what lies over the painting
-
-  drawOver() {
-    const { doc } = this, ratio = this.canvas.width / this.canvas.clientWidth || 1;
-    const onPage = place => this.toCanvas(place).map(value => value / ratio);
-    const polygon = ([x, y, w, hh], attributes) => svg("polygon", { points: [[x, y], [x + w, y], [x + w, y + hh], [x, y + hh]].map(onPage).join(" "), ...attributes });
-    this.over.replaceChildren();
-    this.notes.forEach((one, i) => {
-      const place = placeOf(one), [x, y] = onPage(place);
-      this.over.append(polygon(place, { class: "note" }), svg("text", { x: x + 4, y: y - 5, class: "number" }, String(i + 1)));
-    });
-    if (this.pointer.drawn) this.over.append(polygon(this.pointer.drawn, { class: "note" }));
-    if (this.state.pixel) {
-      const [x, y] = onPage(this.state.pixel.map(value => value + 0.5));
-      for (const name of ["halo", "cross"]) this.over.append(svg("path", { d: `M${x - 11} ${y}h7m8 0h7M${x} ${y - 11}v7m0 8v7`, class: name }));
-    }
-    this.divider.hidden = !this.beside && (this.state.photograph < 0 || this.state.layer !== "picture");
-    const [left, right] = this.sides, photograph = doc.photographs[this.state.photograph];
-    left.textContent = doc.title || "The picture";
-    right.textContent = this.state.layer === "picture" && this.state.compare === "difference" ? "Difference" : photograph ? `Photograph no. ${photograph.number + 1}` : doc.against?.title || "The other painting";
-    this.divider.style.left = `${100 * this.state.split}%`;
-    this.divider.setAttribute("aria-valuenow", Math.round(100 * this.state.split));
-    this.drawScale(ratio);
-  }
-
-  drawScale(ratio) {
-    if (!this.doc.pitch) return;
-    const perPixel = this.doc.pitch * ratio / this.view[2], widest = 140 * perPixel;
-    const decade = 10 ** Math.floor(Math.log10(widest));
-    const length = [5, 2, 1].find(step => step * decade <= widest) * decade;
-    const [value, unit] = length >= 1000 ? [length / 1000, "m"] : length >= 10 ? [length / 10, "cm"] : length >= 1 ? [length, "mm"] : [1000 * length, "µm"];
-    this.scaleBar.textContent = `${Number(value.toPrecision(3))} ${unit}`;
-    this.scaleBar.style.width = `${length / perPixel}px`;
-  }
-
   // --- the page around it
 
   listen() {
@@ -321,8 +186,8 @@ export class Viewer extends Geometry {
 
   // What the browser keeps for a painting that is no longer shown is given back.
   close() {
-    for (const timer of [this.linking, this.hidden]) clearTimeout(timer);
-    cancelAnimationFrame(this.frame);
+    for (const timer of [this.linking, this.hidden, this.sampling, this.calming]) clearTimeout(timer);
+    for (const frame of [this.frame, this.refining]) cancelAnimationFrame(frame);
     this.watch.disconnect();
     this.renderer.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
@@ -333,19 +198,11 @@ export class Viewer extends Geometry {
     this.canvas.dataset.tool = tool;
   }
 
-  moving(on) {
-    this.dragging = on;
-    if (on) return;
-    this.coarse = 0;
-    if (this.state.environment !== "none") this.stale = true;
-    this.redraw();
-  }
-
   resize() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2), box = this.stage.getBoundingClientRect();
     if (!box.width || !box.height) return;
-    const [width, height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
-    if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+    this.size = { width: Math.max(1, Math.round(box.width * ratio)), height: Math.max(1, Math.round(box.height * ratio)) };
+    if (!this.moves) this.fitCanvas(1);
     this.redraw();
   }
 
@@ -372,7 +229,31 @@ export class Viewer extends Geometry {
     const buffer = await this.tiles.get(name);
     const [column, row] = this.state.pixel ?? [];
     if (!buffer || column !== x || row !== y) return;
+    // A link may name a pixel before anything was drawn.
+    if (!this.renderer.colours) this.renderer.setState(this.state);
     this.showPixel([x, y], pixelValues(this.doc, buffer, this.sizeOf(name), x % side, y % side));
+    clearTimeout(this.sampling);
+    if (this.doc.samples) this.sampling = setTimeout(() => this.sample(x, y), REST);
+  }
+
+  // What was measured at a pixel, if it is still the one that is looked at.
+  async sample(x, y) {
+    const late = new Promise((_, reject) => setTimeout(reject, LATE, new Error("Python does not answer"))), asked = this.asked = {};
+    const found = await Promise.race([this.source.samples(y, x), late]).catch(error => ({ failed: `The samples could not be read: ${error.message}.` }));
+    if (this.asked === asked && this.state.pixel?.join() === `${x},${y}`) this.showSamples(found);
+  }
+
+  // The pixel beside the one that is looked at, by an arrow; the first one is in the middle of the view.
+  inspectKey(event) {
+    const move = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!move) return false;
+    event.preventDefault();
+    event.stopPropagation();
+    const { width, height } = this.doc, step = event.shiftKey ? 10 : 1, { pixel, turns } = this.state;
+    const along = Array.from({ length: turns }).reduce(([right, down]) => [-down, right], move);
+    const [x, y] = pixel ? [0, 1].map(i => pixel[i] + step * along[i]) : this.place([this.size.width / 2, this.size.height / 2]).map(Math.floor);
+    this.inspect(Math.min(Math.max(x, 0), width - 1), Math.min(Math.max(y, 0), height - 1));
+    return true;
   }
 
   // A photograph by its number, the other painting, or nothing.
