@@ -559,9 +559,9 @@ def _views(views: Views | None, count: int) -> tuple[NDArray[np.float64], NDArra
 def _vector(values: Any, name: str) -> list[float]:
     # Searches make lamps by the ten thousand: an array of each takes longer than all else.
     plain = type(values) is tuple and [*map(type, values)] == [float] * 3
-    array = np.empty(3) if plain else numbers(values, name, "three numbers")
+    array: Any = values if plain else numbers(values, name, "three numbers")
     vector: list[float] = [*values] if plain else array.tolist()
-    if array.shape != (3,) or not all(map(math.isfinite, vector)):
+    if not (plain or array.shape == (3,)) or not all(map(math.isfinite, vector)):
         raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
     if max(map(abs, vector)) > FARTHEST_MM:
         raise ArgumentError(
