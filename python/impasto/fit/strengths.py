@@ -34,7 +34,7 @@ _PIXELS, _MANY_PIXELS = 576, 2304
 _FOLDS = 3
 _HELPS = 0.01
 """Share by which rounds of medians must lower the trimmed error: on a gilded icon they do by 4 to
-9 %, on simulated paintings with a free gauge by 1.2 % at most (``python
+9 %, on simulated paintings with a free gauge by 0.6 % at most (``python
 benches/python/strength_errors.py``), while strengths drift along what is not determined."""
 _PLACED = np.zeros(2, dtype=np.bool_)
 """No distance is free."""
@@ -64,7 +64,7 @@ class Strengths:
         Whether the last round of medians changed every factor by less than 0.5 %. The remaining
         error is then mostly that of the model, and it is larger with fewer lamps. On simulated
         paintings with log-normal strengths (0.3) the worst lamp was off by 1 % of 24 lamps, 1 to
-        2 % of twelve, and 2 to 3 % of eight. Where it is False, see ``change``: a few lamps that
+        2 % of twelve, and 1 to 3 % of eight. Where it is False, see ``change``: a few lamps that
         have not converged do little harm. If they are more than a tenth, give more ``rounds``.
     change
         ``(obs,)`` relative change of each factor in the last round, also where the rounds did not
