@@ -155,7 +155,7 @@ def _efforts() -> Iterator[Setting]:
             for iterations in (1, 2, 3, 4, 6, 10, 30):
                 effort = Effort(rounds=rounds, iterations=iterations, start=start)
                 yield _sbrdf("effort", grid_name(effort), ONE_VIEW, **PER_PIXEL, effort=effort)
-        for rounds, iterations in ((1, 3), (1, 4), (1, 6), (2, 4), (2, 6), (2, 10)):
+        for rounds, iterations in ((1, 3), (1, 4), (1, 6), (2, 4), (2, 6), (2, 10), (3, 6)):
             for colour in (1, 2, 3):
                 if colour < iterations:
                     effort = Effort(

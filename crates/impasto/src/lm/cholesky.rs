@@ -23,14 +23,15 @@ pub struct Factor<R: Real, const N: usize> {
 /// Factors the matrix with `damping` times its diagonal added, leaving out the `frozen` rows.
 #[must_use]
 #[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
 pub fn factor<R: Real, const N: usize>(
     matrix: &[[R; N]; N],
     damping: R,
     frozen: &[R::Mask; N],
 ) -> Factor<R, N> {
     let mut diagonal = [R::zero(); N];
-    for (i, diagonal) in diagonal.iter_mut().enumerate() {
-        *diagonal = matrix[i][i];
+    for i in 0..N {
+        diagonal[i] = matrix[i][i];
     }
     factor_damped(matrix, &diagonal, damping, frozen)
 }

@@ -18,6 +18,8 @@ pub struct Sums<R, const K: usize> {
     square: R,
 }
 
+/// Loops with indices: iterators over arrays become calls, without a kernel's instruction set.
+#[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
 impl<R: Real, const K: usize> Sums<R, K> {
     /// Of no samples.
     #[must_use]
@@ -28,7 +30,6 @@ impl<R: Real, const K: usize> Sums<R, K> {
 
     /// Adds a sample with its columns.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
     pub fn add(&mut self, columns: &[R; K], weight: R, sample: R) {
         let pull = weight * sample;
         self.square = pull.mul_add(sample, self.square);
@@ -64,16 +65,28 @@ impl<R: Real, const K: usize> Sums<R, K> {
     #[inline(always)]
     pub fn pull(&self, column: usize, best: &[R; K]) -> [R; 2] {
         let zero = R::zero();
-        let mut held = best.map(|strength| !strength.gt(zero));
-        held[column] = R::Mask::splat(true);
-        let shared: [R; K] = core::array::from_fn(|i| self.entry(i, column));
+        let mut held = [R::Mask::splat(true); K];
+        let mut shared = [zero; K];
+        for i in 0..K {
+            if i != column {
+                held[i] = !best[i].gt(zero);
+            }
+            shared[i] = self.entry(i, column);
+        }
         let follow = factor(&self.gram, zero, &held).solve(&shared);
         let (mut fall, mut slope) = (shared[column], self.right[column]);
-        for ((&shared, &best), &follow) in shared.iter().zip(best).zip(&follow) {
-            fall = (-shared).mul_add(follow, fall);
-            slope = (-shared).mul_add(best, slope);
+        for i in 0..K {
+            fall = (-shared[i]).mul_add(follow[i], fall);
+            slope = (-shared[i]).mul_add(best[i], slope);
         }
         [fall.mul_add(best[column], slope), fall]
+    }
+
+    /// The weighted sum of squared samples.
+    #[must_use]
+    #[inline(always)]
+    pub fn square(&self) -> R {
+        self.square
     }
 
     /// What the best solution leaves of the sum of squares, to the rounding of that sum.
@@ -81,8 +94,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
     #[inline(always)]
     pub fn left(&self, best: &[R; K]) -> R {
         let mut left = self.square;
-        for (&right, &best) in self.right.iter().zip(best) {
-            left = (-right).mul_add(best, left);
+        for i in 0..K {
+            left = (-self.right[i]).mul_add(best[i], left);
         }
         left.max(R::zero())
     }
@@ -100,10 +113,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
     pub fn solve(&self, barred: &[bool; K]) -> Solution<R, K> {
         let zero = R::zero();
         let mut held = [R::Mask::splat(false); K];
-        for ((held, barred), (i, row)) in
-            held.iter_mut().zip(barred).zip(self.gram.iter().enumerate())
-        {
-            *held = R::Mask::splat(*barred) | !row[i].gt(zero);
+        for i in 0..K {
+            held[i] = R::Mask::splat(barred[i]) | !self.gram[i][i].gt(zero);
         }
         let never = held;
         let mut change = 0;
@@ -114,8 +125,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
             let mut any = R::Mask::splat(false);
             for i in 0..K {
                 let mut slope = self.right[i];
-                for (j, &value) in values.iter().enumerate() {
-                    slope = (-self.entry(i, j)).mul_add(value, slope);
+                for j in 0..K {
+                    slope = (-self.entry(i, j)).mul_add(values[j], slope);
                 }
                 let reach = R::of(FLAT) * (self.gram[i][i] * self.square).sqrt();
                 let wanted = held[i] & !never[i] & slope.gt(reach);
@@ -124,8 +135,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
             }
             change += 1;
             if !any.any() || change == CHANGES_PER_COLUMN * K {
-                for value in &mut values {
-                    *value = value.max(zero);
+                for i in 0..K {
+                    values[i] = values[i].max(zero);
                 }
                 return Solution { values, factor };
             }

@@ -87,10 +87,10 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
         let Self { pairs, lights, used, valid, signal, b } = self;
         let (zero, one) = (R::zero(), R::one());
         let per_length = b.length().recip();
-        let at = |k: usize| R::keep(used[k], residual(signal.at(k), lights.at(k), b) * per_length);
+        let part = UsedResiduals { lights, used, signal, b, per_length };
         let (mut products, mut squares) = (zero, zero);
         for (k, others) in pairs.0.iter().enumerate() {
-            let own = at(k);
+            let own = part.at(k);
             let mut found = zero;
             for &other in others {
                 let wanting = used[k] & found.lt(R::of(NEAREST));
@@ -99,7 +99,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
                 }
                 let both = wanting & used[other];
                 found = found + R::keep(both, one);
-                let other = R::keep(both, at(other));
+                let other = R::keep(both, part.at(other));
                 let own = R::keep(both, own);
                 products = own.mul_add(other, products);
                 squares = own.mul_add(own, other.mul_add(other, squares));
@@ -108,6 +108,24 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for Neighbours<'_, R, L> {
         let squares = squares * R::of(0.5);
         // Residuals that satisfy three equations are correlated by -3 / n even if the noise is not.
         PairSums { products: (R::of(3.0) / valid).mul_add(squares, products), squares }
+    }
+}
+
+/// Residuals in units of the brightness, 0 where a sample is not used. A method and not a closure,
+/// which would become a call without the registers of a kernel.
+struct UsedResiduals<'a, R: Real, L> {
+    lights: &'a L,
+    used: &'a [R::Mask],
+    signal: PlaneRows<'a>,
+    b: Vec3<R>,
+    per_length: R,
+}
+
+impl<R: Real<Scalar = f32>, L: Lights<R>> UsedResiduals<'_, R, L> {
+    #[inline(always)]
+    fn at(&self, k: usize) -> R {
+        let residual = residual(self.signal.at(k), self.lights.at(k), self.b);
+        R::keep(self.used[k], residual * self.per_length)
     }
 }
 

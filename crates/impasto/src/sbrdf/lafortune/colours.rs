@@ -65,6 +65,7 @@ impl Kernel for LafortuneColours<'_> {
         let bands = tints.values.len() / (COLUMNS * tints.pixels);
         let mut columns = vec![[I::F32::zero(); COLUMNS]; rig.observations()];
         let mut means = vec![I::F32::zero(); rig.observations()];
+        let mut samples = vec![I::F32::zero(); rig.observations()];
         for (pixels, found) in fine.chunks(width).zip(found.chunks(width)) {
             let facets = LaneLobes::<I::F32>::new(scratch, pixels, found);
             for (photograph, columns) in columns.iter_mut().enumerate() {
@@ -82,38 +83,35 @@ impl Kernel for LafortuneColours<'_> {
             });
             let (mut square, mut count) = (I::F32::zero(), I::F32::zero());
             for band in 0..bands {
-                let sample = |photograph: usize| -> I::F32 {
-                    let plane = (photograph * bands + band) * TILE;
-                    gather(pixels, |_, pixel| scratch.samples[plane + pixel])
-                };
+                for (photograph, sample) in samples.iter_mut().enumerate() {
+                    let plane = &scratch.samples[(photograph * bands + band) * TILE..];
+                    *sample = gather(pixels, |_, pixel| plane[pixel]);
+                }
                 let mut sums = Sums::zero();
-                for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
-                    let sample = sample(photograph);
-                    let counts = sample.is_finite() & mean.is_finite();
+                for photograph in 0..columns.len() {
+                    let (columns, sample) = (&columns[photograph], samples[photograph]);
+                    let counts = sample.is_finite() & means[photograph].is_finite();
                     let weight = I::F32::keep(counts, I::F32::one());
                     sums.add(columns, weight, I::F32::keep(counts, sample));
                 }
                 let mut colours = sums.solve(&[false; COLUMNS]).values;
                 let first = colours;
-                let near = |columns: &[I::F32; COLUMNS], sample: I::F32| {
-                    let off = left(columns, &first, sample);
-                    let share = I::F32::splat(OUTLIER_SHARE) * sample.max(sample - off);
-                    off.abs().le(limit.max(share))
-                };
                 if !whole {
-                    for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
-                        let sample = sample(photograph);
-                        let counts = sample.is_finite() & !mean.is_finite() & near(columns, sample);
+                    for photograph in 0..columns.len() {
+                        let (columns, sample) = (&columns[photograph], samples[photograph]);
+                        let near = near(columns, &first, sample, limit);
+                        let counts = sample.is_finite() & !means[photograph].is_finite() & near;
                         let weight = I::F32::keep(counts, I::F32::one());
                         sums.add(columns, weight, I::F32::keep(counts, sample));
                     }
                     colours = sums.solve(&[false; COLUMNS]).values;
                 }
-                for (photograph, (columns, mean)) in columns.iter().zip(&means).enumerate() {
-                    let sample = sample(photograph);
+                for photograph in 0..columns.len() {
+                    let (columns, sample) = (&columns[photograph], samples[photograph]);
                     let mut counts = sample.is_finite();
                     if !whole {
-                        counts = counts & (mean.is_finite() | near(columns, sample));
+                        let near = near(columns, &first, sample, limit);
+                        counts = counts & (means[photograph].is_finite() | near);
                     }
                     let residual = I::F32::keep(counts, left(columns, &colours, sample));
                     square = residual.mul_add(residual, square);
@@ -140,10 +138,24 @@ impl Kernel for LafortuneColours<'_> {
 #[inline(always)]
 fn left<R: Real>(columns: &[R; COLUMNS], colours: &[R; COLUMNS], sample: R) -> R {
     let mut left = sample;
-    for (&column, &colour) in columns.iter().zip(colours) {
-        left = (-colour).mul_add(column, left);
+    for i in 0..COLUMNS {
+        left = (-colours[i]).mul_add(columns[i], left);
     }
     left
+}
+
+/// Whether a sample lies within the limit of noise, or a share of the larger of itself and what the
+/// colours show.
+#[inline(always)]
+fn near<R: Real<Scalar = f32>>(
+    columns: &[R; COLUMNS],
+    colours: &[R; COLUMNS],
+    sample: R,
+    limit: R,
+) -> R::Mask {
+    let off = left(columns, colours, sample);
+    let share = R::splat(OUTLIER_SHARE) * sample.max(sample - off);
+    off.abs().le(limit.max(share))
 }
 
 /// One number of each of some pixels, from their indices in the list and in the tile; lanes beyond

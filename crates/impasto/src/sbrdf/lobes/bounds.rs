@@ -35,6 +35,7 @@ pub(super) struct BandColumns<'a, R, const K: usize> {
 }
 
 impl<R: Real<Scalar = f32>, const K: usize> BandSamples<R, K> for BandColumns<'_, R, K> {
+    #[inline(always)]
     fn photographs(&self) -> usize {
         self.columns.len()
     }
@@ -51,8 +52,9 @@ impl<R: Real<Scalar = f32>, const K: usize> BandSamples<R, K> for BandColumns<'_
 #[inline(always)]
 pub(super) fn light_of<R: Real, const K: usize>(columns: &[R; K], colours: &[R; K]) -> R {
     let mut light = R::zero();
-    for (&column, &colour) in columns.iter().zip(colours) {
-        light = colour.mul_add(column, light);
+    // An iterator over two arrays becomes a call, without a kernel's instruction set.
+    for i in 0..K {
+        light = colours[i].mul_add(columns[i], light);
     }
     light
 }
@@ -107,8 +109,8 @@ pub(super) fn solve<R: Real, const K: usize>(
         let mut changed = R::Mask::splat(false);
         for &photograph in bounded.iter() {
             let (columns, weight, sample) = samples.at(photograph);
-            let [was, is] = [&before, &solution.values]
-                .map(|colours| satisfied(weight, sample, light_of(&columns, colours)));
+            let was = satisfied(weight, sample, light_of(&columns, &before));
+            let is = satisfied(weight, sample, light_of(&columns, &solution.values));
             changed = changed | (was & !is) | (is & !was);
             next.add(&columns, R::keep(!is, (-weight).max(zero)), sample);
         }

@@ -29,10 +29,10 @@ use crate::sbrdf::neighbouring_lights::SECTORS;
 use crate::sbrdf::pooled::tangents;
 
 use super::bounds::light_of;
-use super::model::{LobeEstimation, MAX_SHAPES, Visit};
+use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
 use super::reweight::{COLUMNS, Solution};
-use super::tile::{Estimate, TILE, TileSamples, gather};
+use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes};
 
 /// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
 const SMOOTH: f64 = 4.0;
@@ -90,6 +90,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
     type Output = ();
 
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn run<I: Isa>(self) {
         let Jackknife { photographs, x, y, estimates, samples, solution, .. } = self.0;
         let zero = I::F32::zero();
@@ -101,28 +102,29 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
         while at < estimates.len() {
             equations.clear();
             coherence.clear();
-            for (band, colours) in colours.iter_mut().enumerate() {
-                for (column, colour) in colours.iter_mut().enumerate() {
-                    let column = if column == K - 1 { COLUMNS - 1 } else { column };
+            for band in 0..samples.bands {
+                for i in 0..K {
+                    let column = if i == K - 1 { COLUMNS - 1 } else { i };
                     let place = (band * COLUMNS + column) * TILE + at;
-                    *colour = I::F32::load(&solution.colours[place..]).max(zero);
+                    colours[band][i] = I::F32::load(&solution.colours[place..]).max(zero);
                 }
             }
             let pixels = Pixels::<I::F32, M, J>::gathered(photographs, estimates, at);
             let place = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             for photograph in 0..photographs.len() {
                 let (units, slopes) = pixels.look::<K, N>(photographs, photograph, place);
-                for (band, colours) in colours.iter().enumerate() {
+                for band in 0..samples.bands {
+                    let colours = &colours[band];
                     let plane = photograph * samples.bands + band;
                     let (sample, weight) = samples.at::<I::F32>(plane, at);
                     let counts = weight.gt(zero);
                     let mut columns = units;
                     let mut slope = [zero; N];
-                    for ((unit, &colour), slopes) in columns.iter_mut().zip(colours).zip(&slopes) {
+                    for i in 0..K {
                         // A colour at its bound of 0 does not follow.
-                        *unit = I::F32::keep(colour.gt(zero), *unit);
-                        for (slope, &by_unit) in slope.iter_mut().zip(slopes) {
-                            *slope = colour.mul_add(by_unit, *slope);
+                        columns[i] = I::F32::keep(colours[i].gt(zero), columns[i]);
+                        for j in 0..N {
+                            slope[j] = colours[i].mul_add(slopes[i][j], slope[j]);
                         }
                     }
                     let residual = I::F32::keep(counts, sample - light_of(&columns, colours));
@@ -179,14 +181,7 @@ impl<R: Real<Scalar = f32>, M: LobeEstimation, const J: usize> Pixels<R, M, J> {
             gather(estimates, at, |p| p.normal[1]),
             gather(estimates, at, |p| p.normal[2]),
         );
-        let mut lobes = [photographs.model.lobe_from_unknowns([R::zero(); MAX_SHAPES]); J];
-        for (j, lobe) in lobes.iter_mut().enumerate() {
-            let mut shape = [R::zero(); MAX_SHAPES];
-            for (s, shape) in shape.iter_mut().enumerate() {
-                *shape = gather(estimates, at, |p| p.shapes[j][s]);
-            }
-            *lobe = photographs.model.lobe_from_unknowns(shape);
-        }
+        let lobes = gather_lobes(&photographs.model, estimates, at);
         let count = gather(estimates, at, |p| p.lobes as f32);
         Self { normal, tilts: tangents(normal), count, lobes }
     }
@@ -208,9 +203,9 @@ impl<R: Real<Scalar = f32>, M: LobeEstimation, const J: usize> Pixels<R, M, J> {
         units[0] = diffuse.value * lit;
         slopes[0][0] = self.tilts[0].dot(diffuse.normal) * lit;
         slopes[0][1] = self.tilts[1].dot(diffuse.normal) * lit;
-        for (j, lobe) in self.lobes.iter().enumerate() {
+        for j in 0..J {
             let irradiance = R::keep(self.count.gt(R::of(j as f64)), irradiance);
-            let slope = photographs.model.slope(lobe, &pair, self.normal);
+            let slope = photographs.model.slope(&self.lobes[j], &pair, self.normal);
             units[1 + j] = slope.value * irradiance;
             slopes[1 + j][0] = self.tilts[0].dot(slope.normal) * irradiance;
             slopes[1 + j][1] = self.tilts[1].dot(slope.normal) * irradiance;
@@ -308,12 +303,12 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
     fn sum(&mut self) {
         let (some, all) = self.shared.split_at_mut(SECTORS);
         for own in some {
-            all[0] = all[0].with(own, |all, own| all + own);
+            all[0] = all[0].with(R::one(), own);
         }
         let (some, all) = self.by_band.split_at_mut(SECTORS * self.bands);
         for own in some.chunks(self.bands) {
             for (all, own) in all.iter_mut().zip(own) {
-                *all = all.with(own, |all, own| all + own);
+                *all = all.with(R::one(), own);
             }
         }
     }
@@ -321,15 +316,17 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
     /// The covariance of two tilts (xx, xy, yy). `typical` is what is known of shapes without any
     /// photograph.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn covariance(&mut self, typical: R) -> [R; 3] {
         let (zero, half) = (R::zero(), R::of(0.5));
         let mut plain = [[zero; 2]; SECTORS];
         let all = self.eliminate(None, typical);
-        for (sector, plain) in plain.iter_mut().enumerate() {
-            *plain = self.tilt(sector, &all);
+        for sector in 0..SECTORS {
+            plain[sector] = self.tilt(sector, &all);
         }
         let [mut xx, mut xy, mut yy] = [zero; 3];
-        for (sector, [u, v]) in plain.into_iter().enumerate() {
+        for sector in 0..SECTORS {
+            let [u, v] = plain[sector];
             let others = self.eliminate(Some(sector), typical);
             let [p, q] = self.tilt(sector, &others);
             xx = p.mul_add(u, xx);
@@ -347,7 +344,7 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
         let all = &self.shared[SECTORS];
         let mut left = *all;
         if let Some(sector) = without {
-            left = all.with(&self.shared[sector], |all, own| all - own);
+            left = all.with(-R::one(), &self.shared[sector]);
         }
         let matrix = &mut left.matrix;
         self.eliminated.clear();
@@ -356,7 +353,7 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
             let mut left = *all;
             if let Some(sector) = without {
                 let own = &self.by_band[sector * self.bands + band];
-                left = all.with(own, |all, own| all - own);
+                left = all.with(-R::one(), own);
             }
             let BandEquations { mut gram, mixed, .. } = left;
             for i in 0..K {
@@ -385,14 +382,18 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
     /// How far the normal tilts without the pulls of a sector, by the equations of the last
     /// [`Self::eliminate`] and their factor.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn tilt(&self, sector: usize, factor: &lm::Factor<R, N>) -> [R; 2] {
-        let mut pull = self.shared[sector].pull.map(|pull| -pull);
+        let mut pull = [R::zero(); N];
+        for i in 0..N {
+            pull[i] = -self.shared[sector].pull[i];
+        }
         let by_band = &self.by_band[sector * self.bands..];
         for ((colours, mixed), own) in self.eliminated.iter().zip(by_band) {
             let along = colours.solve(&own.pull);
-            for (pull, mixed) in pull.iter_mut().zip(mixed) {
-                for (&mixed, &along) in mixed.iter().zip(&along) {
-                    *pull = mixed.mul_add(along, *pull);
+            for i in 0..N {
+                for column in 0..K {
+                    pull[i] = mixed[i][column].mul_add(along[column], pull[i]);
                 }
             }
         }
@@ -405,17 +406,17 @@ impl<R: Real, const K: usize, const N: usize> Equations<R, K, N> {
 }
 
 impl<R: Real, const K: usize, const N: usize> BandEquations<R, K, N> {
-    /// Number by number; of the triangle, what is below the diagonal.
+    /// This and `sign` times the other; of the triangle, what is below the diagonal.
     #[inline(always)]
-    fn with(&self, other: &Self, both: impl Fn(R, R) -> R) -> Self {
+    fn with(&self, sign: R, other: &Self) -> Self {
         let mut found = *self;
         for i in 0..K {
-            found.pull[i] = both(self.pull[i], other.pull[i]);
+            found.pull[i] = sign.mul_add(other.pull[i], self.pull[i]);
             for j in 0..=i {
-                found.gram[i][j] = both(self.gram[i][j], other.gram[i][j]);
+                found.gram[i][j] = sign.mul_add(other.gram[i][j], self.gram[i][j]);
             }
             for j in 0..N {
-                found.mixed[j][i] = both(self.mixed[j][i], other.mixed[j][i]);
+                found.mixed[j][i] = sign.mul_add(other.mixed[j][i], self.mixed[j][i]);
             }
         }
         found
@@ -423,13 +424,14 @@ impl<R: Real, const K: usize, const N: usize> BandEquations<R, K, N> {
 }
 
 impl<R: Real, const N: usize> SharedEquations<R, N> {
+    /// This and `sign` times the other.
     #[inline(always)]
-    fn with(&self, other: &Self, both: impl Fn(R, R) -> R) -> Self {
+    fn with(&self, sign: R, other: &Self) -> Self {
         let mut found = *self;
         for i in 0..N {
-            found.pull[i] = both(self.pull[i], other.pull[i]);
+            found.pull[i] = sign.mul_add(other.pull[i], self.pull[i]);
             for j in 0..=i {
-                found.matrix[i][j] = both(self.matrix[i][j], other.matrix[i][j]);
+                found.matrix[i][j] = sign.mul_add(other.matrix[i][j], self.matrix[i][j]);
             }
         }
         found

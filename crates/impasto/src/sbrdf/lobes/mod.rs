@@ -7,7 +7,8 @@
 //! `t` is what a smooth interface above the diffuse part transmits
 //! ([`coated_diffuse`](crate::brdf::coated_diffuse)), 1 without one.
 //! A lobe of a [`model`] has a shape and, in every band, a strength: neutral varnish and tinted
-//! gold are the same model. Shapes and normal are searched for ([`search`]), everything that
+//! gold are the same model. Shapes and normal are searched for ([`search`], or step by step while
+//! weights are renewed: [`fused`]), everything that
 //! enters linearly follows from them in closed form ([`nnls`](crate::lm::nnls)): the search has two unknowns for
 //! the normal and a few per lobe, however many bands there are. [`learn_lobes`] finds
 //! what the fit needs to know about the whole painting, [`apply_lobes`] fits the pixels of a tile;
@@ -20,11 +21,13 @@ mod apply;
 mod bounds;
 mod brightest;
 mod forward_selection;
+mod fused;
 mod jackknife;
 mod learn;
 mod maps;
 mod model;
 mod neutral;
+mod normal_equations;
 mod options;
 mod photographs;
 mod prior;
@@ -39,6 +42,7 @@ pub(in crate::sbrdf) mod tests;
 mod tile;
 mod tile_fit;
 mod torrance_sparrow;
+mod weights;
 
 pub use apply::{apply_lobes, fit_lobes};
 pub use learn::{LearnedLobes, TYPICAL_PIXELS, learn_lobes};

@@ -27,23 +27,24 @@ pub(super) trait ResidualSum<R, const K: usize> {
 
 impl<R: Real> NeutralTest<R> {
     /// Gives each lobe one strength for all bands, lane by lane, where BIC accepts it; returns where.
-    /// `colours` are the solution of each band in `sums`.
+    /// `colours` are the solution of each band in `sums`, `trial` is scratch memory of the same size.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn constrain<const J: usize, const K: usize>(
         &self,
         sums: &mut [Sums<R, K>],
         barred: &[bool; K],
-        colours: &mut [[R; K]],
+        (colours, trial): (&mut [[R; K]], &mut [[R; K]]),
         cost: &impl ResidualSum<R, K>,
     ) -> [R::Mask; J] {
-        let zero = R::zero();
+        let (zero, bands) = (R::zero(), sums.len());
         let mut neutral = [R::Mask::splat(false); J];
         let mut shared = [zero; K];
         let mut least = cost.of(colours);
-        for (column, neutral) in (1..).zip(&mut neutral) {
+        for column in 1..=J {
             let (mut gain, mut fall) = (zero, zero);
-            for (sums, colours) in sums.iter().zip(colours.iter()) {
-                let [more, less] = sums.pull(column, colours);
+            for band in 0..bands {
+                let [more, less] = sums[band].pull(column, &colours[band]);
                 gain = gain + more;
                 fall = fall + less;
             }
@@ -51,25 +52,25 @@ impl<R: Real> NeutralTest<R> {
             let present = gain.gt(zero) & fall.gt(zero);
             let strength = R::keep(present, gain / fall);
             let everywhere = R::Mask::splat(true);
-            let mut trial = vec![[zero; K]; sums.len()];
-            for (trial, sums) in trial.iter_mut().zip(sums.iter()) {
-                *trial = sums.hold(column, strength, everywhere).solve(barred).values;
-                trial[column] = strength;
-                for (trial, &shared) in trial.iter_mut().zip(&shared) {
-                    *trial = *trial + shared;
+            for band in 0..bands {
+                let mut own = sums[band].hold(column, strength, everywhere).solve(barred).values;
+                own[column] = strength;
+                for i in 0..K {
+                    own[i] = own[i] + shared[i];
                 }
+                trial[band] = own;
             }
-            let left = cost.of(&trial);
+            let left = cost.of(trial);
             let accepted = present & left.le(self.price * least.max(self.rounding));
-            for ((sums, colours), trial) in sums.iter_mut().zip(colours.iter_mut()).zip(&trial) {
-                *sums = sums.hold(column, strength, accepted);
-                for (colour, &trial) in colours.iter_mut().zip(trial) {
-                    *colour = R::select(accepted, trial, *colour);
+            for band in 0..bands {
+                sums[band] = sums[band].hold(column, strength, accepted);
+                for i in 0..K {
+                    colours[band][i] = R::select(accepted, trial[band][i], colours[band][i]);
                 }
             }
             shared[column] = R::keep(accepted, strength);
             least = R::select(accepted, left, least);
-            *neutral = accepted;
+            neutral[column - 1] = accepted;
         }
         neutral
     }
@@ -125,8 +126,9 @@ mod tests {
         let mut colours = sums.map(|sums| sums.solve(&barred).values);
         let m = f64::from(3 * rows);
         let test = NeutralTest { price: (2.0 * m.ln() / m).exp(), rounding: 1e-20 };
-        let [neutral] =
-            test.constrain::<1, 3>(&mut sums, &barred, &mut colours, &Scene { columns, samples });
+        let scene = Scene { columns, samples };
+        let memory = (&mut colours[..], &mut [[0.0; 3]; 3][..]);
+        let [neutral] = test.constrain::<1, 3>(&mut sums, &barred, memory, &scene);
         (neutral, colours)
     }
 

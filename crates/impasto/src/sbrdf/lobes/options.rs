@@ -25,7 +25,8 @@ pub struct LobeOptions {
     pub sparing: bool,
     /// Most steps of a search on the mean of the bands.
     pub iterations: usize,
-    /// Most steps of a search on all bands, in each round.
+    /// Most steps of a search on all bands, in each round. 1, in single precision: a step in the pass
+    /// that renews the weights.
     pub colour_iterations: usize,
     /// Where searches start.
     pub start: Origin,

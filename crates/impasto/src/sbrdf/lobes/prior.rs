@@ -158,6 +158,23 @@ impl Prior {
         })))
     }
 
+    /// The prior of a pixel's shapes, whose samples have this variance.
+    #[inline(always)]
+    pub(super) fn shapes_of<R: Real<Scalar = f32>, M: LobeEstimation>(
+        &self,
+        model: &M,
+        estimate: &Estimate,
+        variance: f32,
+    ) -> ShapePrior {
+        let mut prior = ShapePrior::NONE;
+        let Some(index) = estimate.lobes.checked_sub(1) else { return prior };
+        if let Some(sample) = self.0[index].as_ref() {
+            let material = model.deviations().map(|spread| square((MATERIAL * spread) as f32));
+            prior.combine::<R>(sample, estimate, variance, &material[..M::SHAPES]);
+        }
+        prior
+    }
+
     /// Whether there is a sample of pixels with so many lobes.
     pub(super) fn covers(&self, lobes: usize) -> bool {
         self.0[lobes - 1].is_some()
@@ -177,16 +194,9 @@ impl<M: LobeEstimation> Kernel for ShapePriors<'_, M> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Vec<ShapePrior> {
-        let material = self.model.deviations().map(|spread| square((MATERIAL * spread) as f32));
-        let mut priors = vec![ShapePrior::NONE; self.estimates.len()];
-        for ((prior, estimate), &variance) in
-            priors.iter_mut().zip(self.estimates).zip(self.variances)
-        {
-            let sample =
-                estimate.lobes.checked_sub(1).and_then(|index| self.prior.0[index].as_ref());
-            if let Some(sample) = sample {
-                prior.combine::<I::F32>(sample, estimate, variance, &material[..M::SHAPES]);
-            }
+        let mut priors = Vec::with_capacity(self.estimates.len());
+        for (estimate, &variance) in self.estimates.iter().zip(self.variances) {
+            priors.push(self.prior.shapes_of::<I::F32, M>(self.model, estimate, variance));
         }
         priors
     }

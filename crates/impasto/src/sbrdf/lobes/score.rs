@@ -3,9 +3,9 @@
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Real, Vec3};
 
-use super::model::{LobeEstimation, MAX_SHAPES, Visit};
+use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
-use super::tile::{Estimate, TILE, TileSamples, gather};
+use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes};
 use crate::lm::nnls::Sums;
 
 /// Evaluates one start of some pixels.
@@ -47,6 +47,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
     type Output = ();
 
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn run<I: Isa>(self) {
         let Score { photographs, samples, x, y, ambient, starts, found, pixels, .. } = self.0;
         let zero = I::F32::zero();
@@ -59,11 +60,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
                 gather(starts, at, |p| p.normal[1]),
                 gather(starts, at, |p| p.normal[2]),
             );
-            let lobes: [M::Lobe<I::F32>; J] = core::array::from_fn(|j| {
-                let shape: [I::F32; MAX_SHAPES] =
-                    core::array::from_fn(|s| gather(starts, at, |p| p.shapes[j][s]));
-                photographs.model.lobe_from_unknowns(shape)
-            });
+            let lobes = gather_lobes::<I::F32, M, J>(&photographs.model, starts, at);
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             let mut sums = Sums::<I::F32, K>::zero();
             for photograph in 0..photographs.len() {
@@ -72,8 +69,8 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
                 let mut columns = [I::F32::one(); K];
                 let diffuse = photographs.diffuse(normal, towards, &pair).value;
                 columns[0] = I::F32::keep(cosine.gt(zero), diffuse * irradiance);
-                for (j, lobe) in lobes.iter().enumerate() {
-                    columns[1 + j] = photographs.model.value(lobe, &pair, normal) * irradiance;
+                for j in 0..J {
+                    columns[1 + j] = photographs.model.value(&lobes[j], &pair, normal) * irradiance;
                 }
                 let place = photograph * TILE + at;
                 let weight = I::F32::load(&samples.weights[place..]);

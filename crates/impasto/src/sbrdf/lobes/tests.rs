@@ -15,6 +15,10 @@ const HEIGHT: usize = 29;
 const LIGHTS: usize = 14;
 const BANDS: usize = 2;
 const LOBES: usize = 2;
+/// Distance of two normals in standard deviations that ends of searches explain: a search ends where
+/// a step lowers the cost by a millionth, of 24 degrees of freedom a step of 0.005 deviations. Weights
+/// that follow the residuals make several such steps of it.
+const APART: f64 = 0.05;
 const MODEL: TorranceSparrow = TorranceSparrow { index: 1.45 };
 
 /// Maps of some pixels in memory of their own.
@@ -197,10 +201,13 @@ fn apply(scene: &Scene, learned: &LearnedLobes, tile: Grid) -> Result<Buffers, E
 fn tiles_are_the_whole_bit_for_bit() {
     let scene = Scene::whole();
     let varnish = Some(CoatedDiffuse::new(1.45));
-    for (start, coated) in
-        [(Origin::Neighbours, None), (Origin::Multistart, None), (Origin::Neighbours, varnish)]
-    {
-        let options = LobeOptions { coated, ..options(start) };
+    for (start, coated, colour_iterations) in [
+        (Origin::Neighbours, None, 4),
+        (Origin::Multistart, None, 4),
+        (Origin::Neighbours, varnish, 4),
+        (Origin::Neighbours, None, 1),
+    ] {
+        let options = LobeOptions { coated, colour_iterations, ..options(start) };
         let (whole, learned) = fit_whole(&scene, &options);
         assert!(whole.codes[1].iter().filter(|&&lobes| lobes > 0).count() > 1000);
         // Saved and read again.
@@ -228,6 +235,36 @@ fn tiles_are_the_whole_bit_for_bit() {
             assert_eq!(part.bits(), whole.cut(tile).bits(), "{start:?} {tile:?}");
         }
     }
+}
+
+/// Rounds of one step and rounds of whole searches have the same fixed point.
+#[test]
+fn fused_rounds_end_where_searches_end() {
+    let scene = Scene::whole();
+    let [fused, searched] = [1, 6].map(|colour_iterations| {
+        let options = options(Origin::Neighbours);
+        let options = LobeOptions { rounds: 40, typical: false, colour_iterations, ..options };
+        fit_whole(&scene, &options).0
+    });
+    let pixels = WIDTH * HEIGHT;
+    let fitted: Vec<usize> = (0..pixels)
+        .filter(|&pixel| fused.codes[3][pixel] < 32 && searched.codes[3][pixel] < 32)
+        .filter(|&pixel| fused.codes[1][pixel] == searched.codes[1][pixel])
+        .collect();
+    assert!(fitted.len() > pixels * 95 / 100, "{} of {pixels}", fitted.len());
+    let sigma = &searched.planes[7];
+    let apart = |pixel: &&usize| {
+        let off = |axis: usize| {
+            let at = axis * pixels + **pixel;
+            f64::from(fused.planes[0][at] - searched.planes[0][at])
+        };
+        (0..3).map(|axis| off(axis) * off(axis)).sum::<f64>().sqrt()
+            > APART * f64::from(sigma[**pixel])
+    };
+    let far = fitted.iter().filter(apart).count();
+    assert!(far < fitted.len() / 50, "{far} of {}", fitted.len());
+    let settled = fitted.iter().filter(|&&pixel| fused.codes[2][pixel] == 1).count();
+    assert!(settled > fitted.len() * 98 / 100, "{settled} of {}", fitted.len());
 }
 
 #[test]

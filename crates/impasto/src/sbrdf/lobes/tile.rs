@@ -7,7 +7,7 @@ use crate::sbrdf::Start;
 use crate::stack::Stack;
 
 use super::maps::MOST_LOBES;
-use super::model::MAX_SHAPES;
+use super::model::{LobeEstimation, MAX_SHAPES};
 
 /// Pixels of a tile: few enough that a cancelled call ends within a moment with hundreds of
 /// photographs, enough for the lanes to refill.
@@ -25,6 +25,25 @@ pub(super) fn gather<R: Real<Scalar = f32>>(
         *value = number(&estimates[(at + lane).min(estimates.len() - 1)]);
     }
     R::load(&lanes)
+}
+
+/// The lobes of the estimates from `at` on.
+#[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
+pub(super) fn gather_lobes<R: Real<Scalar = f32>, M: LobeEstimation, const J: usize>(
+    model: &M,
+    estimates: &[Estimate],
+    at: usize,
+) -> [M::Lobe<R>; J] {
+    let mut lobes = [model.lobe_from_unknowns([R::zero(); MAX_SHAPES]); J];
+    for j in 0..J {
+        let mut shape = [R::zero(); MAX_SHAPES];
+        for s in 0..M::SHAPES {
+            shape[s] = gather(estimates, at, |estimate| estimate.shapes[j][s]);
+        }
+        lobes[j] = model.lobe_from_unknowns(shape);
+    }
+    lobes
 }
 
 /// The present estimate of one pixel.

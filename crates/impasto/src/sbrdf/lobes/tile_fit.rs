@@ -13,6 +13,7 @@ use crate::stack::Stack;
 use crate::surface::MAX_PARAMETERS;
 
 use super::forward_selection::{ForwardSelection, Starts};
+use super::fused::FusedRounds;
 use super::jackknife::Jackknife;
 use super::maps::{MOST_LOBES, TileMaps};
 use super::model::LobeEstimation;
@@ -138,15 +139,13 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             })
             .collect();
         let by_count = self.select_lobes(tile, &fitted);
-        for round in 1..=self.options.rounds {
-            if self.run.cancelled() {
-                return (fitted, by_count);
-            }
-            self.reweight(tile, solution, true);
-            let freedom = Freedom::of_options(self.options);
-            let last = round == self.options.rounds;
-            self.refine(tile, &fitted, &solution.variance, freedom, last);
-            drop_unsupported(self.photographs, tile, &fitted, self.run.level);
+        if self.options.colour_iterations == 1 && self.options.precision == Precision::Single {
+            self.fused_rounds(tile, solution, &fitted);
+        } else {
+            self.rounds(tile, solution, &fitted);
+        }
+        if self.run.cancelled() {
+            return (fitted, by_count);
         }
         if self.options.normal && self.options.bounded {
             self.widen(tile, &fitted, &solution.variance);
@@ -159,6 +158,42 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             estimate.own_deviation = estimate.own_deviation.map(|spread| spread * scale);
         }
         (fitted, by_count)
+    }
+
+    /// Rounds of one step each.
+    fn fused_rounds(&self, tile: &mut LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
+        FusedRounds {
+            photographs: self.photographs,
+            x: &tile.x,
+            y: &tile.y,
+            estimates: &mut tile.estimates,
+            samples: &mut tile.colour,
+            ambient: self.options.ambient,
+            freedom: Freedom::of_options(self.options),
+            prior: self.prior,
+            rounds: self.options.rounds,
+            variances: &mut solution.variance,
+            level: self.run.level,
+        }
+        .run();
+        drop_unsupported(self.photographs, tile, fitted, self.run.level);
+        for &pixel in fitted {
+            tile.estimates[pixel] = self.ordered(&tile.estimates[pixel]);
+        }
+    }
+
+    /// Rounds of searches.
+    fn rounds(&self, tile: &mut LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
+        for round in 1..=self.options.rounds {
+            if self.run.cancelled() {
+                return;
+            }
+            self.reweight(tile, solution, true);
+            let freedom = Freedom::of_options(self.options);
+            let last = round == self.options.rounds;
+            self.refine(tile, fitted, &solution.variance, freedom, last);
+            drop_unsupported(self.photographs, tile, fitted, self.run.level);
+        }
     }
 
     fn selection(&self) -> ForwardSelection<'_, M> {

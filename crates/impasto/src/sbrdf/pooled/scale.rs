@@ -25,11 +25,16 @@ const NEAR: f64 = 1e-3;
 #[inline(always)]
 pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Option<R>) -> R {
     let target = count * R::of(SHARE);
-    let mut scale = last.unwrap_or_else(|| {
-        let sum = squares.iter().fold(R::zero(), |sum, &square| sum + square);
+    let mut scale = if let Some(last) = last {
+        last
+    } else {
+        let mut sum = R::zero();
+        for &square in squares {
+            sum = sum + square;
+        }
         // Above the solution, by the concavity of rho.
         sum / count * R::of(1.0 / SHARE - 1.0)
-    });
+    };
     scale = scale.max(floor);
     // A lane stops on its own account: its neighbours change no bit of it.
     let mut active = scale.is_finite();

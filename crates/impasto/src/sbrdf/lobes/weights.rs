@@ -1,0 +1,153 @@
+//! The weights of iteratively reweighted least squares [@holland1977robust]: of every sample, by what
+//! the model shows there.
+
+use crate::math::Real;
+
+use super::bounds::weight_at;
+use super::tile::{TILE, TileSamples};
+
+/// Fraction of a pixel's mean sample below which the noise no longer falls with the light.
+const FLOOR: f64 = 0.1;
+
+/// What the model shows of some pixels, plane by plane.
+pub(super) struct Shown<R> {
+    all: Vec<R>,
+    /// Its diffuse part.
+    diffuse: Vec<R>,
+    /// Sum of the samples that count, and their number.
+    light: R,
+    used: R,
+}
+
+/// Sums over the samples that count.
+#[derive(Clone, Copy)]
+pub(super) struct Left<R> {
+    /// Of squared residuals, and of weighted ones.
+    plain: R,
+    weighted: R,
+    /// Of absolute residuals, in units of the noise.
+    absolute: R,
+}
+
+impl<R: Real<Scalar = f32>> Shown<R> {
+    pub(super) fn new(planes: usize) -> Self {
+        let zero = R::zero();
+        Self { all: vec![zero; planes], diffuse: vec![zero; planes], light: zero, used: zero }
+    }
+
+    /// Forgets which samples count.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        (self.light, self.used) = (R::zero(), R::zero());
+    }
+
+    /// Counts a sample, if it has a weight.
+    #[inline(always)]
+    pub(super) fn count(&mut self, sample: R, weight: R) {
+        let counts = weight.gt(R::zero());
+        self.light = self.light + R::keep(counts, sample);
+        self.used = self.used + R::keep(counts, R::one());
+    }
+
+    /// Sets what is shown in a plane, and its diffuse part.
+    #[inline(always)]
+    pub(super) fn set(&mut self, plane: usize, [shown, diffuse]: [R; 2]) {
+        self.all[plane] = shown;
+        self.diffuse[plane] = diffuse;
+    }
+
+    /// How many samples count, at least 1.
+    #[inline(always)]
+    pub(super) fn used(&self) -> R {
+        self.used.max(R::one())
+    }
+
+    /// One over the mean sample: variances are in its unit.
+    #[inline(always)]
+    fn unit(&self) -> R {
+        let mean = self.light / self.used();
+        R::keep(mean.gt(R::zero()), mean.recip())
+    }
+
+    /// What is left under the present weights.
+    #[inline(always)]
+    pub(super) fn left(&self, samples: &TileSamples, at: usize) -> Left<R> {
+        let (zero, unit) = (R::zero(), self.unit());
+        let mut left = Left { plain: zero, weighted: zero, absolute: zero };
+        for plane in 0..self.all.len() {
+            let shown = self.all[plane];
+            let (sample, weight) = samples.at::<R>(plane, at);
+            let weight = weight_at(weight, sample, shown);
+            let residual = R::keep(weight.gt(zero), sample - shown);
+            left.plain = residual.mul_add(residual, left.plain);
+            left.weighted = (weight * residual).mul_add(residual, left.weighted);
+            left.absolute = left.absolute + residual.abs() / noise(shown * unit).sqrt();
+        }
+        left
+    }
+
+    /// Root mean square of the residuals.
+    #[inline(always)]
+    pub(super) fn deviation(&self, left: &Left<R>) -> R {
+        (left.plain / self.used()).sqrt()
+    }
+
+    /// Weighted mean square of the residuals.
+    #[inline(always)]
+    pub(super) fn variance(&self, left: &Left<R>) -> R {
+        left.weighted / self.used()
+    }
+
+    /// Renews the weights by the residuals; returns the weighted mean square of these.
+    #[inline(always)]
+    pub(super) fn renew(&self, left: &Left<R>, samples: &mut TileSamples, at: usize) -> R {
+        let (zero, unit) = (R::zero(), self.unit());
+        let scale = left.absolute / self.used();
+        let bend = R::keep(scale.gt(zero), scale.recip());
+        let mut squares = zero;
+        for plane in 0..self.all.len() {
+            let (shown, diffuse) = (self.all[plane], self.diffuse[plane]);
+            let (sample, weight) = samples.at::<R>(plane, at);
+            let bound = weight.lt(zero);
+            let known = bound | weight.gt(zero);
+            // A bound that is satisfied has no residual.
+            let sample = R::select(bound, sample.max(shown), sample);
+            let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
+            let fresh = R::keep(known, fresh);
+            let signed = R::select(bound, -fresh, fresh);
+            signed.store(&mut samples.weights[plane * TILE + at..]);
+            let residual = sample - shown;
+            squares = (fresh * residual).mul_add(residual, squares);
+        }
+        squares / self.used()
+    }
+
+    /// Bounds become samples that weigh what they do, or nothing.
+    #[inline(always)]
+    pub(super) fn settle_bounds(&self, samples: &mut TileSamples, at: usize) {
+        for plane in 0..self.all.len() {
+            let (sample, weight) = samples.at::<R>(plane, at);
+            let weight = weight_at(weight, sample, self.all[plane]);
+            weight.store(&mut samples.weights[plane * TILE + at..]);
+        }
+    }
+}
+
+/// Variance of a sample, both in units of the pixel's mean sample.
+#[inline(always)]
+fn noise<R: Real>(shown: R) -> R {
+    shown.max(R::of(FLOOR))
+}
+
+/// Weight of a sample, from the predicted sample and its diffuse part: one over its variance, and
+/// less for residuals beyond the mean absolute one (one over `bend`, in standard deviations).
+#[inline(always)]
+fn sample_weight<R: Real>(sample: R, [shown, diffuse]: [R; 2], variance: R, bend: R) -> R {
+    let far = (sample - shown) / variance.sqrt() * bend;
+    // Large residuals enter the cost by their size, not by its square.
+    let tail = far.mul_add(far, R::one());
+    let weight = (tail.sqrt() * variance).recip();
+    // A sample darker than the diffuse part alone is in shadow (hard case 24).
+    let lit = (sample / diffuse).max(tail.recip());
+    R::select(diffuse.gt(sample), weight * lit * lit, weight)
+}
