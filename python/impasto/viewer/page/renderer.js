@@ -5,7 +5,7 @@ import { groupsOf } from "./half.js";
 import { planeWeights } from "./basis.js";
 import { fresnel } from "./values.js";
 import { QUALITY, directionOf } from "./state.js";
-import { COATED, FRESNEL, VERTEX, fragment, showFragment, showVertex } from "./shader.js";
+import { COATED, FRESNEL, lighting, showFragment, showVertex } from "./shader.js";
 import { Pacer } from "./pacer.js";
 import { Prefilter } from "./prefilter.js";
 
@@ -184,7 +184,7 @@ export class Renderer {
     // Until there are tables, the lamp; until those of this state are there, what they show.
     const { environment, degrees } = (wished && this.prefilter.shown?.goal) ?? {};
     const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear, clipped: state.clipped } : {}) };
-    this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
+    this.light = this.programFor(JSON.stringify(wanted), () => lighting(doc, wanted));
     const { program, at } = this.light;
     gl.useProgram(program);
     doc.groups.forEach((_, unit) => gl.uniform1i(at(`uGroup${unit}`), unit));
@@ -192,15 +192,15 @@ export class Renderer {
     gl.uniform1i(at("uStatuses"), 7);
     gl.uniform3fv(at("uLight"), light.slice(0, 3));
     gl.uniform1f(at("uFalloff"), falloff);
-    gl.uniform1f(at("uIntensity"), intensity);
     gl.uniform3fv(at("uView"), view.slice(0, 3).map(value => (view[3] ? value : value / far)));
+    let gloss = intensity;
     if (!light[3] && !view[3]) {
       const sum = light.slice(0, 3).map((value, i) => value + view[i] / far), extent = Math.hypot(...sum);
       // Lamp and eye face each other: there is no half vector, and nothing is mirrored.
       const opposed = extent < 1e-3, v_h = opposed ? 1 : Math.min(extent / 2, 1);
       gl.uniform3fv(at("uHalf"), opposed ? [0, 0, 1] : sum.map(value => value / extent));
       gl.uniform1f(at("uTwiceOverVH"), 2 / v_h);
-      gl.uniform1f(at("uFresnel"), opposed ? 0 : fresnel(v_h, index));
+      if (doc.model !== "lafortune") gloss *= opposed ? 0 : fresnel(v_h, index);
     }
     if (doc.basis) this.weigh(this.light.at, towards, colours.factor);
     const columns = matrix => matrix[0].flatMap((_, k) => matrix.map(row => row[k]));
@@ -210,7 +210,8 @@ export class Renderer {
     gl.uniform3fv(at("uFlat"), columns(flat.diffuse));
     gl.uniform1f(at("uIndex"), index);
     gl.uniform1f(at("uCoatScale"), coatScale);
-    for (const name of ["matte", "gloss", "ambient"]) gl.uniform1f(at(`u${name[0].toUpperCase()}${name.slice(1)}`), state[name] ? 1 : 0);
+    const amounts = environment ? [1, 1, 0] : [intensity, gloss, intensity];
+    gl.uniform3fv(at("uAmounts"), ["matte", "gloss", "ambient"].map((name, i) => (state[name] ? amounts[i] : 0)));
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
