@@ -260,20 +260,22 @@ export class Renderer {
   // Whether tiles can be lit between two frames.
   quick(names) {
     const dark = this.dark(names).map(name => this.textures.get(name));
-    return !dark.length || (this.pacer.free && dark.reduce((sum, { width, height }) => sum + width * height, 0) <= this.pacer.amount);
+    return !dark.length || (this.pacer.free && dark.reduce((sum, { width, height }) => sum + width * height, 0) <= this.pacer.most);
   }
 
-  // Light as many of them as that, at least one.
+  // Light as many of them as there is room for between two frames, at least one.
   lightSome(names) {
-    if (!this.pacer.free) return;
-    let left = this.pacer.amount;
-    for (const name of names) {
-      const { width, height } = this.textures.get(name);
-      if (left < this.pacer.amount && left < width * height) break;
-      left -= width * height;
-      this.lit(name);
+    const dark = [...names];
+    while (dark.length && this.pacer.free) {
+      const { amount } = this.pacer;
+      for (let left = amount; dark.length;) {
+        const { width, height } = this.textures.get(dark[0]);
+        if (left < amount && left < width * height) break;
+        left -= width * height;
+        this.lit(dark.shift());
+      }
+      this.pacer.given(dark.length > 0);
     }
-    this.pacer.given(this.dark(names).length > 0);
   }
 
   // Light a tile if it is not lit by the present state.
