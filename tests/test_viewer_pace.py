@@ -136,7 +136,8 @@ def test_tables_of_a_room_are_made_in_parts(opened: chromium.Chromium) -> None:
         "  if (!prefilter || prefilter.counted) return; prefilter.counted = true;"
         "  Object.defineProperty(prefilter.pacer, 'amount', { get: () => 2 ** 18, set: () => {} });"
         "  const { proceed } = prefilter; prefilter.proceed = function () {"
-        "    parts.push([this.pacer.parts.length, this.work.quality]); return proceed.call(this); }; };"
+        "    parts.push([this.pacer.parts.length, this.work.quality]);"
+        "    return proceed.call(this); }; };"
         "viewer.set({ environment: 'gallery', rotation: 40 }); })()"
     )
     settled = "window.impasto.viewer.renderer.prefilter?.shown?.quality === 'resting'"

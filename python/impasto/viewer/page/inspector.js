@@ -71,6 +71,7 @@ export function pixelSection(app, updates) {
     taken.classList.toggle("stale", doc.samples);
     if (!doc.samples) taken.replaceChildren(...(values.shown && !values.relit ? [h("p", { className: "faint" }, "What the photographs measured here is shown by ", h("code", {}, "impasto view"), " with ", h("code", {}, "--photographs"), ", or in a notebook with ", h("code", {}, "stack="), ".")] : []));
     body.replaceChildren(h("dl", { className: "values" }, ...rows.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])), ...plots, taken);
+    made.scrollIntoView({ block: "nearest" });
   };
   app.showSamples = found => {
     taken.classList.remove("stale");

@@ -346,7 +346,7 @@ export class Renderer {
     const gl = this.gl, doc = this.doc;
     const photograph = state.layer === "picture" ? this.photographs.get(state.photograph) : undefined;
     const compare = photograph || other ? state.layer === "picture" ? state.compare : "photograph" : "";
-    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare} ${Boolean(other)}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare, Boolean(other))]);
+    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare} ${Boolean(other)}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare, Boolean(other), Boolean(relief))]);
     const lit = names.map(name => [name, this.lit(name)]);
     // Until a tile of the other painting is there, the painting's own stands for it.
     const beside = new Map(other ? names.filter(name => other.has(name)).map(name => [name, other.lit(name).picture]) : []);

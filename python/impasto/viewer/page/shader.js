@@ -3,9 +3,10 @@
 // graphics card runs both sides of every branch.
 
 import { DECODED, weightedSum } from "./basis.js";
-import { LOOKUPS, PROJECTED, SPREADS } from "./tables.js";
+import { LOOKUPS, PROJECTED, SPREADS, TRIANGLE } from "./tables.js";
 import { shapeNames } from "./values.js";
 
+const UNKNOWN = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
 const VARYINGS = 15; // vectors that every device has
 
 // Both shaders of a tile. What is the same for all pixels comes to them in flat varyings, as much as there is room for: a
@@ -24,10 +25,7 @@ export function lighting(doc, options) {
   });
   return [`#version 300 es
 ${declared.join("\n")}
-// One triangle over all texels of a tile.
-void main() {
-  vec2 at = vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2));
-  gl_Position = vec4(2.0 * at - 1.0, 0.0, 1.0);
+${TRIANGLE}
   ${copied.join("\n  ")}
 }`, pixel];
 }
@@ -138,7 +136,6 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
     return plane(doc, name);
   };
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
-  const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
     picture: () => (doc.basis ? relit(doc, read, end) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, end })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
@@ -147,7 +144,7 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
     strength: () => strongest(doc, "strength", mirror, read, sum),
     ...Object.fromEntries(doc.quality.map(name => [name, () => {
       const value = read(name);
-      return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${unknown};`;
+      return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${UNKNOWN};`;
     }])),
     height: () => `shown = ramp(${read("height")});`,
     status: () => "",
@@ -211,9 +208,9 @@ ${fetches.join("\n")}
   int flags = ${plane(doc, "flags")};
   bool known = flags >= ${doc.shown};
 ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
-  shown = status == ${doc.unread} ? ${unknown} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  ${body}
+  shown = status == ${doc.unread} ? ${UNKNOWN} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  ${body}
   // No number of a pixel that is not known is used; as a branch it would take longer.
-  if (!known) shown = ${picture ? "vec4(0.0)" : unknown};`}
+  if (!known) shown = ${picture ? "vec4(0.0)" : UNKNOWN};`}
 }`;
 }
 
@@ -294,7 +291,7 @@ function strongest(doc, which, mirror, read, sum) {
   });
   return `float most = 0.0, strength = 0.0, wide = 0.0;
 ${parts.join("\n")}
-  shown = most > 0.0 ? ramp(log2(max(${which}, 1e-12))) : vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0);`;
+  shown = most > 0.0 ? ramp(log2(max(${which}, 1e-12))) : ${UNKNOWN};`;
 }
 
 // `displaced`: a tile is a grid whose corners stand at their heights, as an eye at the side sees them.
@@ -366,8 +363,9 @@ float difference(vec3 one, vec3 other) {
 }`;
 
 // `compare`: nothing beside the picture, the "photograph" or their "difference". `tiled`: what is beside it lies in
-// tiles as the picture does.
-export const showFragment = (compare, tiled) => `#version 300 es
+// tiles as the picture does. `hidden`: what lies behind shows where nothing is known. Where that is, a picture is
+// (0, 0, 0, 0), so its colours come out of the filter multiplied by what covers.
+export const showFragment = (compare, tiled, hidden) => `#version 300 es
 precision highp float;
 uniform sampler2D uPicture;
 uniform sampler2D uPhotograph;
@@ -381,13 +379,11 @@ out vec4 shown;
 ${compare === "difference" ? DIFFERENCE : ""}
 void main() {
   vec4 picture = texture(uPicture, vTexture);
-  if (picture.a == 0.0) discard;
-  shown = picture;
+${hidden ? "  if (picture.a == 0.0) discard;\n" : ""}  shown = picture;
 ${compare ? `  if (gl_FragCoord.x >= uSplit) {
     vec3 photograph = texture(uPhotograph, ${tiled ? "vTexture" : "vPainting"}).rgb;
     shown = vec4(photograph, 1.0);
 ${compare === "difference" ? `    float found = difference(lab(picture.rgb), lab(photograph));
     shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);` : ""}
   }` : ""}
-  shown.rgb *= shown.a;
 }`;
