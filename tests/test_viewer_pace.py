@@ -6,12 +6,15 @@ measures them.
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import chromium
 from impasto.surface import Surface
 from impasto.viewer import write_site
+from impasto.viewer.scripts import page_file
 
 CODES = """
 (() => {
@@ -188,3 +191,18 @@ def test_a_room_that_turns_is_seen_to_turn(opened: chromium.Chromium) -> None:
         "window.impasto.viewer.renderer.prefilter.shown.goal.degrees"
         " === window.impasto.viewer.state.rotation"
     )
+
+
+def test_the_curve_of_the_display_is_within_a_hundredth_of_a_code() -> None:
+    """The shader's own numbers against IEC 61966-2-1, in double precision.
+
+    It says 0.009. A test of the page's pixels would see half a code at best: eight bits hide less.
+    """
+    text = re.search(r"return mix\(12\.92 \* value, (.*), step\(0\.0031308, value\)\);",
+                     page_file("shader.js"))  # fmt: skip
+    assert text is not None
+    light = np.linspace(0.0031308, 1.0, 100_001)
+    s = np.sqrt(light)
+    found = eval(text[1], {"__builtins__": {}}, {"s": s, "r": np.sqrt(s)})
+    off = 255.0 * np.abs(found - (1.055 * light ** (1 / 2.4) - 0.055))
+    assert off.max() < 0.009
