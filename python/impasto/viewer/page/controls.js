@@ -5,7 +5,7 @@ import { rotationOf } from "./environment.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { svg } from "./plots.js";
-import { check, choice, degrees, h, heightWords, section, slider } from "./elements.js";
+import { check, choice, degrees, h, heightWords, section, slider, unfold } from "./elements.js";
 import { pixelSection } from "./inspector.js";
 import { placeOf, textOf } from "./annotations.js";
 
@@ -241,9 +241,6 @@ function compareSection(app, updates) {
   let alone = true;
   updates.push(state => {
     const picture = state.layer === "picture", none = state.photograph < 0 && !state.against;
-    // What is beside the picture says here what it is, also where a link shows it.
-    if (alone && !none) made.open = true;
-    alone = none;
     pick.update(state.against ? "against" : String(state.photograph));
     what.update(state.compare);
     what.element.hidden = none || !picture;
@@ -252,6 +249,9 @@ function compareSection(app, updates) {
     itself.textContent = state.against ? title : "Photograph";
     hint.textContent = !state.against ? "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line."
       : app.beside ? `Left of the line ${doc.title || "the picture"}; right of it ${title}, in the same lamp. Drag the line.` : `${title} has no such layer.`;
+    // What is beside the picture says here what it is, also where a link shows it.
+    if (alone && !none) unfold(made);
+    alone = none;
   });
   return made;
 }
