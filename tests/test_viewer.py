@@ -475,6 +475,14 @@ def test_a_photograph_is_compared_in_its_own_light(opened: chromium.Chromium) ->
         "done([steps.length, Math.min(...new Set(steps)), Math.max(...new Set(steps)),"
         "  steps.filter(s => s > 13).length]); }))"
     )
+    # The controls say which lamp it is and what the colours mean, also where a link shows it.
+    assert opened.value(
+        "[...document.querySelectorAll('input[type=number]')].slice(0, 2).map(one => +one.value)"
+    ) == [0, round(np.degrees(np.arctan2(0.8, 0.6)))]
+    assert opened.value(
+        "[...document.querySelectorAll('.ends')].some(one => one.checkVisibility()"
+        " && one.textContent.includes('CIEDE2000'))"
+    )
     count, least, most, large = opened.value(bright)
     assert count > 1000
     assert least == 0

@@ -5,7 +5,7 @@ import { rotationOf } from "./environment.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { svg } from "./plots.js";
-import { check, choice, degrees, h, heightWords, section, slider } from "./elements.js";
+import { check, choice, degrees, h, heightWords, section, slider, unfold } from "./elements.js";
 import { pixelSection } from "./inspector.js";
 import { placeOf, textOf } from "./annotations.js";
 
@@ -15,6 +15,9 @@ export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in 
 export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°`;
 
 export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
+
+// The direction of the lamp: that of a photograph, while one is beside the picture.
+const lampOf = (app, state) => (state.photograph < 0 ? state : anglesOf(app.renderer.geometry(state).towards));
 
 // The sky above the painting, seen from in front: the middle is in front, the edge grazes.
 function dome(app) {
@@ -34,11 +37,11 @@ function dome(app) {
   picture.addEventListener("lostpointercapture", () => app.rest());
   picture.addEventListener("keydown", event => app.lightKey(event));
   return { element: picture, update: state => {
-    const azimuth = app.onPage(state.azimuth), [x, y] = directionOf(azimuth, state.elevation);
+    const lamp = lampOf(app, state), azimuth = app.onPage(lamp.azimuth), [x, y] = directionOf(azimuth, lamp.elevation);
     dot.setAttribute("cx", middle + reach * x);
     dot.setAttribute("cy", middle - reach * y);
     picture.setAttribute("aria-valuenow", Math.round(azimuth));
-    picture.setAttribute("aria-valuetext", lightWords(azimuth, state.elevation));
+    picture.setAttribute("aria-valuetext", lightWords(azimuth, lamp.elevation));
   } };
 }
 
@@ -76,7 +79,7 @@ function lightSection(app, updates) {
   const number = (text, name, low, high, from = value => value, to = value => value) => {
     const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
       onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
-    updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(state[name])); });
+    updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(lampOf(app, state)[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
   const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1, environment: "none" }) }, text);
@@ -234,6 +237,8 @@ function compareSection(app, updates) {
   const what = choice("What is shown beside it", [{ name: "photograph", label: itself }, { name: "difference", label: "Difference" }], compare => app.set({ compare }));
   const words = legend(app), scale = h("div", {}, ...words.bar("0", `${MOST_DIFFERENCE} CIEDE2000`));
   const hint = h("p", { className: "faint" });
+  const made = section(doc.against ? "Beside it" : "Photographs", Boolean(doc.against), pick.element, what.element, scale, hint);
+  let alone = true;
   updates.push(state => {
     const picture = state.layer === "picture", none = state.photograph < 0 && !state.against;
     pick.update(state.against ? "against" : String(state.photograph));
@@ -244,8 +249,11 @@ function compareSection(app, updates) {
     itself.textContent = state.against ? title : "Photograph";
     hint.textContent = !state.against ? "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line."
       : app.beside ? `Left of the line ${doc.title || "the picture"}; right of it ${title}, in the same lamp. Drag the line.` : `${title} has no such layer.`;
+    // What is beside the picture says here what it is, also where a link shows it.
+    if (alone && !none) unfold(made);
+    alone = none;
   });
-  return section(doc.against ? "Beside it" : "Photographs", Boolean(doc.against), pick.element, what.element, scale, hint);
+  return made;
 }
 
 function noteSection(app) {

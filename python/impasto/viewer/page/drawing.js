@@ -5,6 +5,7 @@ import { Geometry } from "./geometry.js";
 import { placeOf } from "./annotations.js";
 import { svg } from "./plots.js";
 import { layersOf } from "./state.js";
+import { POLL } from "./pacer.js";
 
 const SHARES = [1, 0.71, 0.5, 0.35]; // of the pixels along a side, while something moves
 const ROUGH = 0.35; // of them, until what takes longer than a frame is lit
@@ -90,13 +91,14 @@ export class Drawing extends Geometry {
     // Layers of both paintings are shown on the same ramps.
     const other = this.beside;
     if (other) other.ranges = this.renderer.ranges;
+    const held = this.held && !this.stale;
+    this.held = false;
     if (this.stale) for (const one of [this.renderer, other]) one?.setState(this.state);
     this.stale = false;
     const last = this.doc.scales.length - 1, whole = name => this.renderer.has(name), fine = this.seen(this.wanted()).filter(whole);
     // What takes longer than a frame is shown coarsely at first, also while there are no tables of the room yet.
     const early = this.renderer.prefilter?.next() === "moving", slow = paced && !this.renderer.quick(fine), rough = !this.moves && (slow || (paced && early));
     const share = this.moves ? SHARES[this.coarse] : rough ? ROUGH : 1;
-    this.fitCanvas(share);
     const coarse = this.wanted(share);
     let number = coarse;
     // Coarser tiles that are not there yet are no reason to show less than is there, unless that takes long.
@@ -113,9 +115,8 @@ export class Drawing extends Geometry {
       }
     }
     this.tiles.want([...(whole(`${last}/0-0`) ? [] : this.seen(last)), ...here, ...(coarse === number ? [] : this.seen(coarse))]);
-    const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.size;
-    const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
-    this.renderer.draw(names, { clip, zoom: this.view[2] * share, state: this.state, relief: this.displacement, other });
+    // What moved is seen as it was then until all of it is lit.
+    if (!(held && slow)) this.show(names, share, other);
     if (other) {
       this.otherTiles.want([...here, ...names].filter(name => !other.has(name)));
       for (const gone of other.trim(new Set([...names, ...here]))) this.otherTiles.forget(gone);
@@ -129,22 +130,30 @@ export class Drawing extends Geometry {
     this.drawOver();
   }
 
+  // Tiles on the canvas, which has a share of the pixels.
+  show(names, share, other) {
+    this.fitCanvas(share);
+    const [[a, b, c], [d, e, f]] = this.projection, { width, height } = this.size;
+    const clip = [2 * a / width, -2 * d / height, 0, 2 * b / width, -2 * e / height, 0, 2 * c / width - 1, 1 - 2 * f / height, 1];
+    this.renderer.draw(names, { clip, zoom: this.view[2] * share, state: this.state, relief: this.displacement, other });
+  }
+
   // Between frames, part by part: the tiles of a picture that is shown coarsely, then the tables of a room.
   refine() {
-    this.refining ||= requestAnimationFrame(() => {
+    this.refining ||= setTimeout(() => {
       this.refining = 0;
       const { renderer } = this, { prefilter } = renderer;
       if (renderer.gl.isContextLost()) return;
       const dark = renderer.dark(this.fine);
-      if (dark.length) renderer.lightSome(dark);
-      else if (prefilter) {
+      renderer.lightSome(dark);
+      if (!dark.length && prefilter) {
         prefilter.moving = this.moves;
         this.stale = prefilter.step() || this.stale;
       }
       const left = renderer.dark(this.fine).length;
       if (!this.stale && (left || (!dark.length && prefilter?.busy))) this.refine();
       else this.redraw();
-    });
+    }, POLL);
   }
 
   // Fewer pixels where a frame takes long. More again after some quick ones, and more of these each time it was too early.
@@ -172,7 +181,8 @@ export class Drawing extends Geometry {
 
   rest() {
     clearTimeout(this.calming);
-    this.moves = false;
+    // What is seen is what rests, unless another frame is due.
+    [this.held, this.moves] = [this.moves && !this.frame, false];
     if (this.state.environment !== "none") this.panel.update(this.state);
     this.redraw();
   }

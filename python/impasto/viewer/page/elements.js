@@ -41,3 +41,9 @@ export function check(text, change) {
 }
 
 export const section = (title, open, ...children) => h("details", { open }, h("summary", {}, h("h2", {}, title)), h("div", { className: "body" }, ...children));
+
+// Opens a section where it is seen.
+export function unfold(made) {
+  made.open = true;
+  made.scrollIntoView({ block: "nearest" });
+}

@@ -3,7 +3,7 @@
 import { QUALITY } from "./state.js";
 import { codesOf, intervalOf, labOf, spectrumOf } from "./values.js";
 import { bandColour, lobePlot, samplePlot, spectrumPlot } from "./plots.js";
-import { degrees, h, heightWords, section } from "./elements.js";
+import { degrees, h, heightWords, section, unfold } from "./elements.js";
 
 const KINDS = { measured: "dots are measured, rings fitted", clipped: "triangles are clipped", shadowed: "crosses in shadow" };
 
@@ -33,7 +33,6 @@ export function pixelSection(app, updates) {
   body.append(hint);
   app.showPixel = (place, values) => {
     if (!place) return body.replaceChildren(hint);
-    made.open = true;
     const { doc } = app, { colours } = doc, rows = [["Place", `column ${place[0]}, row ${place[1]}`]];
     if (doc.pitch) rows.push(["", `${((place[0] + 0.5) * doc.pitch).toFixed(1)} mm from the left, ${((place[1] + 0.5) * doc.pitch).toFixed(1)} mm from the top`]);
     if (!values.relit) rows.push(["Status", values.status ? `${values.status.name}: ${values.status.reason}` : "not read"]);
@@ -71,6 +70,7 @@ export function pixelSection(app, updates) {
     taken.classList.toggle("stale", doc.samples);
     if (!doc.samples) taken.replaceChildren(...(values.shown && !values.relit ? [h("p", { className: "faint" }, "What the photographs measured here is shown by ", h("code", {}, "impasto view"), " with ", h("code", {}, "--photographs"), ", or in a notebook with ", h("code", {}, "stack="), ".")] : []));
     body.replaceChildren(h("dl", { className: "values" }, ...rows.flatMap(([name, text]) => [h("dt", {}, name), h("dd", {}, text)])), ...plots, taken);
+    unfold(made);
   };
   app.showSamples = found => {
     taken.classList.remove("stale");

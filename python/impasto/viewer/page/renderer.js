@@ -5,7 +5,7 @@ import { groupsOf } from "./half.js";
 import { planeWeights } from "./basis.js";
 import { fresnel } from "./values.js";
 import { QUALITY, directionOf } from "./state.js";
-import { COATED, FRESNEL, VERTEX, fragment, showFragment, showVertex } from "./shader.js";
+import { COATED, FRESNEL, lighting, showFragment, showVertex } from "./shader.js";
 import { Pacer } from "./pacer.js";
 import { Prefilter } from "./prefilter.js";
 
@@ -184,7 +184,7 @@ export class Renderer {
     // Until there are tables, the lamp; until those of this state are there, what they show.
     const { environment, degrees } = (wished && this.prefilter.shown?.goal) ?? {};
     const wanted = { layer: state.layer, ...(state.layer === "picture" ? { coat: Boolean(coat), near: light[3] > 0 && !environment, nearView: view[3] > 0, environment: Boolean(environment), linear, clipped: state.clipped } : {}) };
-    this.light = this.programFor(JSON.stringify(wanted), () => [VERTEX, fragment(doc, wanted)]);
+    this.light = this.programFor(JSON.stringify(wanted), () => lighting(doc, wanted));
     const { program, at } = this.light;
     gl.useProgram(program);
     doc.groups.forEach((_, unit) => gl.uniform1i(at(`uGroup${unit}`), unit));
@@ -192,15 +192,15 @@ export class Renderer {
     gl.uniform1i(at("uStatuses"), 7);
     gl.uniform3fv(at("uLight"), light.slice(0, 3));
     gl.uniform1f(at("uFalloff"), falloff);
-    gl.uniform1f(at("uIntensity"), intensity);
     gl.uniform3fv(at("uView"), view.slice(0, 3).map(value => (view[3] ? value : value / far)));
+    let gloss = intensity;
     if (!light[3] && !view[3]) {
       const sum = light.slice(0, 3).map((value, i) => value + view[i] / far), extent = Math.hypot(...sum);
       // Lamp and eye face each other: there is no half vector, and nothing is mirrored.
       const opposed = extent < 1e-3, v_h = opposed ? 1 : Math.min(extent / 2, 1);
       gl.uniform3fv(at("uHalf"), opposed ? [0, 0, 1] : sum.map(value => value / extent));
       gl.uniform1f(at("uTwiceOverVH"), 2 / v_h);
-      gl.uniform1f(at("uFresnel"), opposed ? 0 : fresnel(v_h, index));
+      if (doc.model !== "lafortune") gloss *= opposed ? 0 : fresnel(v_h, index);
     }
     if (doc.basis) this.weigh(this.light.at, towards, colours.factor);
     const columns = matrix => matrix[0].flatMap((_, k) => matrix.map(row => row[k]));
@@ -210,7 +210,8 @@ export class Renderer {
     gl.uniform3fv(at("uFlat"), columns(flat.diffuse));
     gl.uniform1f(at("uIndex"), index);
     gl.uniform1f(at("uCoatScale"), coatScale);
-    for (const name of ["matte", "gloss", "ambient"]) gl.uniform1f(at(`u${name[0].toUpperCase()}${name.slice(1)}`), state[name] ? 1 : 0);
+    const amounts = environment ? [1, 1, 0] : [intensity, gloss, intensity];
+    gl.uniform3fv(at("uAmounts"), ["matte", "gloss", "ambient"].map((name, i) => (state[name] ? amounts[i] : 0)));
     gl.uniform4fv(at("uCoat"), this.coat(coat));
     gl.uniform2fv(at("uBeneath"), this.beneath(coat));
     gl.uniform2fv(at("uRange"), this.ranges[state.layer] ?? [0, 1]);
@@ -259,20 +260,22 @@ export class Renderer {
   // Whether tiles can be lit between two frames.
   quick(names) {
     const dark = this.dark(names).map(name => this.textures.get(name));
-    return !dark.length || (this.pacer.free && dark.reduce((sum, { width, height }) => sum + width * height, 0) <= this.pacer.amount);
+    return !dark.length || (this.pacer.free && dark.reduce((sum, { width, height }) => sum + width * height, 0) <= this.pacer.most);
   }
 
-  // Light as many of them as that, at least one.
+  // Light as many of them as there is room for between two frames, at least one.
   lightSome(names) {
-    if (!this.pacer.free) return;
-    let left = this.pacer.amount;
-    for (const name of names) {
-      const { width, height } = this.textures.get(name);
-      if (left < this.pacer.amount && left < width * height) break;
-      left -= width * height;
-      this.lit(name);
+    const dark = [...names];
+    while (dark.length && this.pacer.free) {
+      const { amount } = this.pacer;
+      for (let left = amount; dark.length;) {
+        const { width, height } = this.textures.get(dark[0]);
+        if (left < amount && left < width * height) break;
+        left -= width * height;
+        this.lit(dark.shift());
+      }
+      this.pacer.given(dark.length > 0);
     }
-    this.pacer.given(this.dark(names).length > 0);
   }
 
   // Light a tile if it is not lit by the present state.
@@ -343,7 +346,7 @@ export class Renderer {
     const gl = this.gl, doc = this.doc;
     const photograph = state.layer === "picture" ? this.photographs.get(state.photograph) : undefined;
     const compare = photograph || other ? state.layer === "picture" ? state.compare : "photograph" : "";
-    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare} ${Boolean(other)}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare, Boolean(other))]);
+    const { program, at } = this.programFor(`show ${Boolean(relief)} ${compare} ${Boolean(other)}`, () => [showVertex(doc, Boolean(relief)), showFragment(compare, Boolean(other), Boolean(relief))]);
     const lit = names.map(name => [name, this.lit(name)]);
     // Until a tile of the other painting is there, the painting's own stands for it.
     const beside = new Map(other ? names.filter(name => other.has(name)).map(name => [name, other.lit(name).picture]) : []);

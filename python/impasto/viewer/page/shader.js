@@ -3,15 +3,32 @@
 // graphics card runs both sides of every branch.
 
 import { DECODED, weightedSum } from "./basis.js";
-import { LOOKUPS, PROJECTED, SPREADS } from "./tables.js";
+import { LOOKUPS, PROJECTED, SPREADS, TRIANGLE } from "./tables.js";
 import { shapeNames } from "./values.js";
 
-export const VERTEX = `#version 300 es
-// One triangle over all texels of a tile.
-void main() {
-  vec2 at = vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2));
-  gl_Position = vec4(2.0 * at - 1.0, 0.0, 1.0);
-}`;
+const UNKNOWN = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
+const VARYINGS = 15; // vectors that every device has
+
+// Both shaders of a tile. What is the same for all pixels comes to them in flat varyings, as much as there is room for: a
+// renderer without a graphics card looks a uniform up for each pixel, which takes as long as ten multiplications.
+export function lighting(doc, options) {
+  const declared = [], copied = [], text = fragment(doc, options);
+  let left = VARYINGS;
+  const pixel = text.replace(/^uniform ((?:vec\d|float) )u(\w+?)(\[\d+\])?;.*$/gm, (line, type, name, many = "") => {
+    if (text.split(`u${name}`).length < 3) return "";
+    const size = parseInt(many.slice(1), 10) || 1;
+    if (size > left) return line;
+    left -= size;
+    declared.push(`uniform ${type}u${name}${many};\nflat out ${type}v${name}${many};`);
+    copied.push(`v${name} = u${name};`);
+    return `flat in ${type}v${name}${many};\n#define u${name} v${name}`;
+  });
+  return [`#version 300 es
+${declared.join("\n")}
+${TRIANGLE}
+  ${copied.join("\n  ")}
+}`, pixel];
+}
 
 // Colours of stripes where the display clips: brighter than its white, or more saturated than its primaries.
 export const MARKS = { bright: "1.0, 0.0, 0.3", outside: "0.1, 0.4, 1.0" };
@@ -25,8 +42,10 @@ float fresnel(float c) {
   return 0.5 * perpendicular * perpendicular * (parallel * parallel + 1.0);
 }`;
 
+// `before`: what all lobes of a pixel share; `gloss` is the light that reaches them. `lobe`: one of them.
 const MODELS = {
-  "torrance-sparrow": `
+  "torrance-sparrow": {
+    functions: `
 // phi^2 from 1 - cos(phi): nothing is lost near 0, as the arc cosine would.
 float phiSquared(float e) {
   float sum = 6.2160062160e-4;
@@ -38,38 +57,33 @@ float phiSquared(float e) {
   sum = sum * e + 3.3333333333e-1;
   return (sum * e + 2.0) * e;
 }
-// D F G / (N.V) [torrance1967theory].
-float lobe(float gamma, float b, float c) {
-  float n_l = dot(n, light), n_v = dot(n, view);
-#ifdef DISTANT
-  vec3 halfway = uHalf;
-  float twice_over_v_h = uTwiceOverVH, reflectance = uFresnel;
-#else
-  vec3 sum = light + view;
-  float squared = dot(sum, sum);
-  if (squared < 1e-6) return 0.0;
-  float extent = sqrt(squared), v_h = min(0.5 * extent, 1.0);
-  vec3 halfway = sum / extent;
-  float twice_over_v_h = 2.0 / v_h, reflectance = fresnel(v_h);
-#endif
-  float open = 1.0 / max(n_v, 1e-30);
-  float masked = twice_over_v_h * dot(n, halfway);
-  float attenuation = min(min(masked, open), masked * n_l * open);
-  vec3 chord = n - halfway;
+float facets(float lean, float gamma) {
   float width = clamp(gamma, 5e-4, 1.25);
-  float power = 0.6931471805599453 / (width * width) * phiSquared(0.5 * dot(chord, chord));
-  float value = reflectance * attenuation * exp(-min(power, 87.0));
-  return n_l > 0.0 && n_v > 0.0 && power < 87.0 ? value : 0.0;
+  return exp(-min(lean / (width * width), 87.0));
 }`,
-  lafortune: `
-// The lobe of Lafortune et al. [lafortune1997nonlinear], in the domain of logarithms.
-float lobe(float cxy, float cz, float exponent) {
-  float n_l = dot(n, light), n_v = dot(n, view);
-  float upright = n_l * n_v;
-  float base = cxy * (dot(light, view) - upright) + cz * upright;
-  if (base <= 2.061153622438558e-9 || n_l <= 0.0 || n_v <= 0.0) return 0.0;
-  return n_l * exp(clamp(exponent * naturalLogarithm(min(base, 3e38)), -60.0, 40.0));
+    // D F G / (N.V) [torrance1967theory]; of a distant lamp and a distant eye, F is in the light.
+    before: distant => `${distant ? "  vec3 halfway = uHalf;\n  float twice_over_v_h = uTwiceOverVH;" : `  vec3 sum = light + view;
+  float extent = sqrt(max(dot(sum, sum), 1e-6)), v_h = min(0.5 * extent, 1.0);
+  vec3 halfway = sum / extent;
+  float twice_over_v_h = 2.0 / v_h;
+  gloss *= extent > 1e-3 ? fresnel(v_h) : 0.0;`}
+  float open = 1.0 / max(n_v, 1e-30), masked = twice_over_v_h * dot(n, halfway);
+  gloss *= min(min(masked, open), masked * n_l * open);
+  vec3 chord = n - halfway;
+  float lean = 0.6931471805599453 * phiSquared(0.5 * dot(chord, chord));`,
+    lobe: gamma => `gloss * facets(lean, ${gamma})`,
+  },
+  lafortune: {
+    functions: `
+float raised(float base, float exponent) {
+  float value = exp(clamp(exponent * naturalLogarithm(clamp(base, 2e-9, 3e38)), -60.0, 40.0));
+  return base > 2.061153622438558e-9 ? value : 0.0;
 }`,
+    // The lobe of Lafortune et al. [lafortune1997nonlinear], in the domain of logarithms.
+    before: () => `  float upright = n_l * n_v, across = dot(light, view) - upright;
+  gloss *= n_l;`,
+    lobe: (cxy, cz, exponent) => `gloss * raised(${cxy} * across + ${cz} * upright, ${exponent})`,
+  },
 };
 
 const LOGARITHM = `
@@ -122,7 +136,6 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
     return plane(doc, name);
   };
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
-  const unknown = "vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0)";
   const body = {
     picture: () => (doc.basis ? relit(doc, read, end) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, end })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
@@ -131,7 +144,7 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
     strength: () => strongest(doc, "strength", mirror, read, sum),
     ...Object.fromEntries(doc.quality.map(name => [name, () => {
       const value = read(name);
-      return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${unknown};`;
+      return `shown = ${value} > 0.0 ? ramp(log2(${value})) : ${value} == 0.0 ? ramp(-99.0) : ${UNKNOWN};`;
     }])),
     height: () => `shown = ramp(${read("height")});`,
     status: () => "",
@@ -146,7 +159,6 @@ precision highp float;
 precision highp int;
 precision highp sampler2DArray;
 precision highp isampler2DArray;
-${near || nearView ? "" : "#define DISTANT"}
 ${samplers.join("\n")}
 uniform sampler2D uRamp;
 uniform sampler2D uStatuses;
@@ -155,19 +167,15 @@ uniform vec2 uFirst;      // first pixel of the tile from the painting's middle,
 uniform float uStep;      // width of a pixel of this scale in mm
 uniform vec3 uLight;      // direction to the lamp, or its place in mm
 uniform float uFalloff;   // distance of the lamp from the middle, or 0 for no fall-off
-uniform float uIntensity;
+uniform vec3 uAmounts;    // of the light for matte paint, for lobes and from all sides
 uniform vec3 uView;       // direction to the eye, or its place in mm
 uniform vec3 uDiffuse[${k}];
 uniform vec3 uInterface;
 uniform vec3 uFlat[${k}]; // the same under white light, for the layer of colours
 uniform vec3 uHalf;       // of a distant lamp and a distant eye, what the lobes need of both
 uniform float uTwiceOverVH;
-uniform float uFresnel;
 uniform float uIndex;
 uniform float uCoatScale;
-uniform float uMatte;
-uniform float uGloss;
-uniform float uAmbient;
 uniform vec4 uCoat;       // strength and shape of the varnish's lobe
 uniform vec2 uBeneath;    // what it leaves of the lobes: a share, and more of it where they are metal's
 uniform vec2 uRange;
@@ -179,15 +187,16 @@ uniform vec3 uChannels[${3 * k}]; // of the environment, each as uDiffuse and uI
 uniform vec3 uFaces[3];` : ""}
 out vec4 shown;
 
-vec3 n, light, view;
-vec2 place;
+${environment ? "vec3 n, view;\nvec2 place;" : ""}
 ${picture && mirror ? LOGARITHM : ""}
-${picture && !environment ? `${mirror || doc.basis ? "" : FRESNEL}${MODELS[doc.model] ?? DECODED}` : ""}
+${picture && !environment ? doc.basis ? DECODED : `${mirror ? "" : FRESNEL}${MODELS[doc.model].functions}` : ""}
 ${picture && doc.coated ? COATED : ""}
 ${environment ? `${PROJECTED}${LOOKUPS[doc.model]}` : ""}
+// Of IEC 61966-2-1, within 0.009 of an 8-bit code: the power as a polynomial in the fourth root, with the least largest
+// error above the straight part. Two square roots take a third of the time of a power.
 vec3 encoded(vec3 linear) {
-  vec3 value = clamp(linear, 0.0, 1.0);
-  return mix(12.92 * value, 1.055 * pow(max(value, 1e-6), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, value));
+  vec3 value = clamp(linear, 0.0, 1.0), s = sqrt(value), r = sqrt(s);
+  return mix(12.92 * value, (0.08132963 * s - 0.33550069 * r + 1.12268087) * s + 0.19613613 * r - 0.06461157, step(0.0031308, value));
 }
 vec4 ramp(float value) {
   return texelFetch(uRamp, ivec2(int(clamp((value - uRange.x) / (uRange.y - uRange.x), 0.0, 1.0) * 255.0 + 0.5), 0), 0);
@@ -199,11 +208,9 @@ ${fetches.join("\n")}
   int flags = ${plane(doc, "flags")};
   bool known = flags >= ${doc.shown};
 ${layer === "status" ? `  int status = known ? flags - ${doc.shown} : flags;
-  shown = status == ${doc.unread} ? ${unknown} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  if (!known) {
-    shown = ${picture ? "vec4(0.0)" : unknown};
-    return;
-  }
-  ${body}`}
+  shown = status == ${doc.unread} ? ${UNKNOWN} : texelFetch(uStatuses, ivec2(status, 0), 0);` : `  ${body}
+  // No number of a pixel that is not known is used; as a branch it would take longer.
+  if (!known) shown = ${picture ? "vec4(0.0)" : UNKNOWN};`}
 }`;
 }
 
@@ -214,32 +221,32 @@ ${clipped ? `  if (((at.x + at.y) & 3) < 2) {
     else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
   }` : ""}`);
 
-// The light of a lamp that a pixel reflects.
-function lit(doc, { coat, near, nearView, mirror, read, sum, end }) {
-  const lobes = doc.lobes.map((lobe, number) => {
-    const shape = shapeNames(doc).map(name => read(name + number));
-    const value = `${coat ? "kept * " : ""}uGloss * reach * lobe(${[...shape, "0.0", "0.0"].slice(0, 3).join(", ")})`;
-    if (lobe.tinted) return `  colour += ${value} * (${sum(`strength${number}_`, "uDiffuse")});`;
-    return `  specular += ${value} * ${read(`strength${number}_0`)};`;
+// The light of a lamp that a pixel reflects: of each coefficient, and of what is mirrored in its own colour.
+function lit(doc, { coat, near, nearView, mirror, read, end }) {
+  const k = Array.from({ length: doc.coefficients }, (_, i) => i), { before, lobe } = MODELS[doc.model];
+  const lobes = doc.lobes.map(({ tinted }, number) => {
+    const value = `${coat ? "kept * " : ""}${lobe(...shapeNames(doc).map(name => read(name + number)))}`, strength = `strength${number}_`;
+    if (!tinted) return `  specular += ${value} * ${read(`${strength}0`)};`;
+    return `  value = ${value};\n${k.map(i => `  c${i} += value * ${read(strength + i)};`).join("\n")}`;
   });
-  return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
-  float reach = uIntensity;
+  if (coat) lobes.push(`  specular += uCoat.x * ${lobe("uCoat.y", "uCoat.z", "uCoat.w")};`);
+  return `vec3 n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
+  float reach = 1.0;
 ${near || nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
 ${near ? `  vec3 way = uLight - at_mm;
   float inverse = inversesqrt(dot(way, way));
-  light = way * inverse;
-  if (uFalloff > 0.0) reach *= uFalloff * uFalloff * inverse * inverse;` : "  light = uLight;"}
-  view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
-  float cosine = max(dot(n, light), 0.0);
-${doc.coated ? `  float n_v = dot(n, view);
-  cosine = cosine > 0.0 && n_v > 0.0 ? cosine * transmission(cosine) * transmission(n_v) : 0.0;` : ""}
-  vec3 colour = uMatte * cosine * reach * (${sum("diffuse", "uDiffuse")});
-  float specular = 0.0;
+  vec3 light = way * inverse;
+  if (uFalloff > 0.0) reach = uFalloff * uFalloff * inverse * inverse;` : "  vec3 light = uLight;"}
+  vec3 view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
+  float n_l = dot(n, light), n_v = dot(n, view);
+  float matte = uAmounts.x * reach * max(n_l, 0.0);
+${doc.coated ? "  matte = n_l > 0.0 && n_v > 0.0 ? matte * transmission(n_l) * transmission(n_v) : 0.0;" : ""}
+${k.map(i => `  float c${i} = matte * ${read(`diffuse${i}`)}${doc.ambient ? ` + uAmounts.z * ${read(`ambient${i}`)}` : ""};`).join("\n")}
+  float specular = 0.0, value;
 ${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
+${lobes.length ? `  float gloss = n_l > 0.0 && n_v > 0.0 ? uAmounts.y * reach : 0.0;\n${before(!near && !nearView)}` : ""}
 ${lobes.join("\n")}
-${coat ? "  specular += uGloss * uCoat.x * reach * lobe(uCoat.y, uCoat.z, uCoat.w);" : ""}
-  colour += specular * uInterface;
-${doc.ambient ? `  colour += uAmbient * uIntensity * (${sum("ambient", "uDiffuse")});` : ""}
+  vec3 colour = ${k.map(i => `c${i} * uDiffuse[${i}]`).join(" + ")}${lobes.length ? " + specular * uInterface" : ""};
   ${end}`;
 }
 
@@ -257,19 +264,19 @@ function surrounded(doc, { coat, nearView, mirror, read, sum, end }) {
   const kept = coat ? "kept * " : "";
   const lobes = doc.lobes.map((lobe, number) => {
     const shape = [...shapeNames(doc).map(name => read(name + number)), "0.0", "0.0"].slice(0, 3).join(", ");
-    if (lobe.tinted) return `  e = ${kept}uGloss * reflected(${shape});\n  colour += ${channels(`strength${number}_`)};`;
-    return `  specular += ${kept}uGloss * ${read(`strength${number}_0`)} * reflected(${shape});`;
+    if (lobe.tinted) return `  e = ${kept}uAmounts.y * reflected(${shape});\n  colour += ${channels(`strength${number}_`)};`;
+    return `  specular += ${kept}uAmounts.y * ${read(`strength${number}_0`)} * reflected(${shape});`;
   });
   return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
 ${nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
   view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
-  vec3 e = uMatte * texture(uIrradiance, projected(n, ${SPREADS.irradiance.toFixed(1)})).rgb;
+  vec3 e = uAmounts.x * texture(uIrradiance, projected(n, ${SPREADS.irradiance.toFixed(1)})).rgb;
 ${doc.coated ? "  float n_v = dot(n, view);\n  e *= n_v > 0.0 ? transmission(n_v) : 0.0;" : ""}
   vec3 colour = ${channels("diffuse")}, specular = vec3(0.0);
   place = projected(n, ${SPREADS.lobes});
 ${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
 ${lobes.join("\n")}
-${coat ? "  specular += uGloss * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
+${coat ? "  specular += uAmounts.y * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular.r * uFaces[0] + specular.g * uFaces[1] + specular.b * uFaces[2];
   ${end}`;
 }
@@ -284,7 +291,7 @@ function strongest(doc, which, mirror, read, sum) {
   });
   return `float most = 0.0, strength = 0.0, wide = 0.0;
 ${parts.join("\n")}
-  shown = most > 0.0 ? ramp(log2(max(${which}, 1e-12))) : vec4(vec3(((at.x / 8 + at.y / 8) & 1) == 0 ? 0.227 : 0.29), 1.0);`;
+  shown = most > 0.0 ? ramp(log2(max(${which}, 1e-12))) : ${UNKNOWN};`;
 }
 
 // `displaced`: a tile is a grid whose corners stand at their heights, as an eye at the side sees them.
@@ -356,8 +363,9 @@ float difference(vec3 one, vec3 other) {
 }`;
 
 // `compare`: nothing beside the picture, the "photograph" or their "difference". `tiled`: what is beside it lies in
-// tiles as the picture does.
-export const showFragment = (compare, tiled) => `#version 300 es
+// tiles as the picture does. `hidden`: what lies behind shows where nothing is known. Where that is, a picture is
+// (0, 0, 0, 0), so its colours come out of the filter multiplied by what covers.
+export const showFragment = (compare, tiled, hidden) => `#version 300 es
 precision highp float;
 uniform sampler2D uPicture;
 uniform sampler2D uPhotograph;
@@ -371,13 +379,11 @@ out vec4 shown;
 ${compare === "difference" ? DIFFERENCE : ""}
 void main() {
   vec4 picture = texture(uPicture, vTexture);
-  if (picture.a == 0.0) discard;
-  shown = picture;
+${hidden ? "  if (picture.a == 0.0) discard;\n" : ""}  shown = picture;
 ${compare ? `  if (gl_FragCoord.x >= uSplit) {
     vec3 photograph = texture(uPhotograph, ${tiled ? "vTexture" : "vPainting"}).rgb;
     shown = vec4(photograph, 1.0);
 ${compare === "difference" ? `    float found = difference(lab(picture.rgb), lab(photograph));
     shown = texelFetch(uRamp, ivec2(int(clamp(found / uMost, 0.0, 1.0) * 255.0 + 0.5), 0), 0);` : ""}
   }` : ""}
-  shown.rgb *= shown.a;
 }`;

@@ -8,9 +8,11 @@ export const LEVELS = {
 };
 export const EVEN = 2; // the spread of irradiance
 
+// One triangle over all texels.
+export const TRIANGLE = `void main() {
+  gl_Position = vec4(2.0 * vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2)) - 1.0, 0.0, 1.0);`;
 export const VERTEX_OF_TABLE = `#version 300 es
-void main() {
-  gl_Position = vec4(2.0 * vec2(float((gl_VertexID << 1) & 2), float(gl_VertexID & 2)) - 1.0, 0.0, 1.0);
+${TRIANGLE}
 }`;
 
 // A direction's place on a table, and back: its stereographic projection, denser in the middle.
