@@ -1,4 +1,4 @@
-"""Functions that call a single vector instruction: parts of kernels that the compiler did not inline.
+"""Functions that call single vector instructions: parts of kernels that were not inlined.
 
     python benches/python/kernel_calls.py [LIBRARY]
 
@@ -32,7 +32,7 @@ def built() -> Path:
     lines = os.environ | {"CARGO_PROFILE_RELEASE_DEBUG": "line-tables-only"}
     command = ["cargo", "build", "--release", "-p", "impasto-py"]
     subprocess.run(command, cwd=ROOT, env=lines, check=True)
-    return ROOT / "target" / "release" / "lib_core.so"
+    return Path(ROOT, "target", "release", "lib_core.so")
 
 
 def calls(library: Path) -> Iterator[tuple[str, str]]:
