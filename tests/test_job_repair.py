@@ -85,7 +85,7 @@ def test_a_crate_has_no_damaged_tile(store: Path, tmp_path: Path) -> None:
     with pytest.raises(CorruptInputError, match=rf"normal/c/0/1/0: {tile}: is missing; impasto"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     (out / "beta/zarr.json").write_text("{}")
-    with pytest.raises(CorruptInputError, match=r"zarr.json: is not whole: .*; so are 1 more files"):
+    with pytest.raises(CorruptInputError, match=r"zarr.json: is not whole: .*; so are 1 more"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     assert not (tmp_path / "crate").exists()
 
