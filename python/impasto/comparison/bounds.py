@@ -101,12 +101,10 @@ def bounds_of(
         ridge.append((deviation / level) ** 2)
     # ... and these are shared.
     apart = len(columns)
-    tilts = [
-        _Column(
-            *(shown(replace(base, normal=normal)) for normal in _tilted(base.normal, axis)), TILT
-        )
-        for axis in (0, 1)
-    ]
+    tilts = []
+    for axis in (0, 1):
+        up, down = (shown(replace(base, normal=normal)) for normal in _tilted(base.normal, axis))
+        tilts.append(_Column(up, down, TILT))
     widths = []
     for lobe in base.lobes[:count]:
         wide, narrow = (
@@ -210,7 +208,8 @@ class _Problem:
         diffuse = alone[0, 0] + (whole[0, 0] - alone[0, 0]) / bands
         strength = whole[strengths, strengths].sum(axis=(0, 1)) / bands
         shared = np.diagonal(whole).T[apart:] / bands
-        found = self.deviation.reshape(-1)[at] ** 2 * np.stack([diffuse, strength, *shared])
+        found: Planes = np.stack([diffuse, strength, *shared])
+        found *= self.deviation.reshape(-1)[at] ** 2
         for column, sigma in self.fixed:
             # By how much unknowns move with what was given: least squares of its column on theirs.
             given = column.of(at)
