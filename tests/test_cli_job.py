@@ -73,7 +73,11 @@ def test_a_job_from_beginning_to_end(
     assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 0
     assert "the same bytes as" in capsys.readouterr().out
     assert main(["info", str(out), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["size"] == "90 x 70 pixels, 3 bands"
+    told = json.loads(capsys.readouterr().out)
+    assert told["size"] == "90 x 70 pixels, 3 bands"
+    # No lobe was looked for: nothing is said of its strength or width.
+    assert told["gloss"] == "not fitted"
+    assert not {"verdict", "beta", "gamma_degrees"} & told.keys()
     picture = tmp_path / "above.png"
     assert main(["render", str(out), "--out", str(picture), "--quiet"]) == 0
     assert picture.is_file()

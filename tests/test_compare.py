@@ -19,6 +19,7 @@ from command_line import complaint
 from impasto import ArgumentError, CorruptInputError, simulate
 from impasto.cli import main
 from impasto.comparison import Changed, Compared, load_comparison
+from impasto.comparison.bounds import inverse_of
 from impasto.comparison.significance import critical, tail
 from impasto.io import write_png16
 from overlapping_frames import Shot, scene
@@ -245,6 +246,34 @@ def test_maps_do_not_depend_on_tiles(
     assert str(read) == str(stored)
     with pytest.raises(ArgumentError, match="exists"):
         impasto.compare(one, other, tmp_path / "c.zarr")
+
+
+def test_progress_is_told_within_tiles(
+    shots: list[impasto.Sbrdf], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("impasto.comparison.comparing.TILE", 32)
+    seen: list[tuple[int, int]] = []
+    part = shots[0][:56, :64]
+    impasto.compare(part, part, progress=lambda done, total: seen.append((done, total)))
+    # Four tiles.
+    assert seen == [(done, 12) for done in range(1, 13)]
+
+
+def test_inverses_are_those_of_lapack() -> None:
+    """Of products of columns as pixels have them, some nearly the same as others.
+
+    Either inverse has a relative error of the condition number, a million at most, times a few
+    roundings of 1.1e-16.
+    """
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(500, 16, 6))
+    columns[:250, :, 5] = columns[:250, :, 4] + rng.uniform(1e-2, 1e-1, (250, 1))
+    products = columns.swapaxes(1, 2) @ columns + 1e-6 * np.eye(6)
+    assert np.linalg.cond(products).max() < 1e6
+    found = inverse_of(np.moveaxis(products, 0, -1))
+    expected = np.moveaxis(np.linalg.inv(products), 0, -1)
+    largest = np.abs(expected).max(axis=(0, 1))
+    assert (np.abs(found - expected).max(axis=(0, 1)) / largest).max() < 1e-9
 
 
 def test_a_comparison_survives_its_file(found: impasto.Comparison, tmp_path: Path) -> None:

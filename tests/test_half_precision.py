@@ -97,6 +97,26 @@ def test_numbers_beyond_half_precision_are_refused(tmp_path: Path) -> None:
         impasto.run(taken, tmp_path / "a.zarr", precision="double")  # type: ignore[arg-type]
 
 
+def test_every_number_is_rounded_to_the_nearest_half() -> None:
+    """Every half, what lies between two of them, and beside that: as numpy rounds them."""
+    halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16)
+    halves = halves[np.isfinite(halves)].astype(np.float32)
+    with np.errstate(over="ignore"):
+        up = np.nextafter(halves.astype(np.float16), np.float16(np.inf)).astype(np.float32)
+    middle = np.where(np.isfinite(up), (halves + up) / 2, halves)
+    numbers = np.stack([halves, middle, np.nextafter(middle, np.float32(-np.inf)),
+                        np.nextafter(middle, np.float32(np.inf))])  # fmt: skip
+    with np.errstate(over="ignore"):
+        expected = numbers.astype(np.float16)
+    kept = np.isfinite(expected).all(axis=0)
+    # Three axes, as maps of several bands have; and a part of them.
+    planes = np.ascontiguousarray(numbers[:, kept]).reshape(2, 2, -1)
+    found = to_store("diffuse", planes, "half")
+    assert found.tobytes() == expected[:, kept].tobytes()
+    part = to_store("diffuse", planes[:, :1, 3:77], "half")
+    assert part.tobytes() == expected[:, kept].reshape(2, 2, -1)[:, :1, 3:77].tobytes()
+
+
 def test_what_is_not_finite_stays_as_it_is() -> None:
     plane = np.array([[np.nan, np.inf, -np.inf, 65504.0]], np.float32)
     half = to_store("diffuse", plane, "half")

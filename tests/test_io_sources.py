@@ -58,6 +58,12 @@ def agrees(path: Path, expected: np.ndarray, **options: Any) -> None:
             assert found.flags.writeable
             wanted = expected[:, rows or slice(None), columns or slice(None)]
             np.testing.assert_array_equal(found, wanted)
+            # The same, into a part of a larger array.
+            larger = np.zeros((2, wanted.shape[0] + 1, *wanted.shape[1:]), expected.dtype)
+            source.read_into(larger[1, :-1], rows, columns)
+            np.testing.assert_array_equal(larger[1, :-1], wanted)
+            assert not larger[0].any()
+            assert not larger[1, -1].any()
 
 
 PACKED: dict[str, dict[str, Any]] = {
@@ -308,6 +314,9 @@ def test_a_window_lies_inside_the_picture(tmp_path: Path) -> None:
         for rows in (slice(0, 62), slice(-1, 4), slice(5, 5), slice(0, 8, 2)):
             with pytest.raises(impasto.ArgumentError, match=r"^rows: .*<= 61"):
                 source.read(rows)
+        for wrong in (np.empty((3, 2, 83), np.uint16), np.empty((3, 1, 83), np.uint8)):
+            with pytest.raises(impasto.ArgumentError, match=r"^out: .*\(3, 1, 83\)"):
+                source.read_into(wrong, slice(0, 1))
 
 
 def damaged(path: Path, at: int, count: int) -> None:

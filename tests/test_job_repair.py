@@ -70,11 +70,22 @@ def test_another_version_does_not_repeat_a_store(store: Path, tmp_path: Path) ->
     assert not list(tmp_path.glob("again*"))
 
 
-def test_a_crate_lacks_no_file(store: Path, tmp_path: Path) -> None:
+def test_a_crate_has_no_damaged_tile(store: Path, tmp_path: Path) -> None:
+    """Lost or changed, of a tile or beside them: no crate is made, and the tile is named."""
     out = tmp_path / "painting.zarr"
     shutil.copytree(store, out)
-    (out / "normal/c/0/1/0").unlink()
-    with pytest.raises(CorruptInputError, match=r"normal/c/0/1/0: is missing; impasto job verify"):
+    tile = r"is not whole \(the tile in row 1 and column 0\)"
+    shard = out / "normal/c/0/1/0"
+    data = bytearray(shard.read_bytes())
+    data[len(data) // 2] ^= 4
+    shard.write_bytes(data)
+    with pytest.raises(CorruptInputError, match=rf"normal/c/0/1/0: {tile}: has changed: .*; impa"):
+        jobs.export_ro_crate(out, tmp_path / "crate")
+    shard.unlink()
+    with pytest.raises(CorruptInputError, match=rf"normal/c/0/1/0: {tile}: is missing; impasto"):
+        jobs.export_ro_crate(out, tmp_path / "crate")
+    (out / "beta/zarr.json").write_text("{}")
+    with pytest.raises(CorruptInputError, match=r"zarr.json: is not whole: .*; so are 1 more"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     assert not (tmp_path / "crate").exists()
 

@@ -14,12 +14,21 @@ import xarray
 
 import impasto
 from impasto import ArgumentError, GeometryError, LazyStack
+from impasto.fit import lazy as lazy_module
 from killed_jobs import stack
 from processes import surroundings
 
 CHUNKS = (5, 2, 33, 40)
 """Nine tiles, cut off by the border, and chunks along photographs and bands."""
+SHARED = 66
+"""Rows and columns of the chunks of maps: two and one of the tiles down, one and two across."""
 LOBES: dict[str, Any] = {"pooling": "pixel", "effort": "draft", "lobes": 1}
+
+
+@pytest.fixture(autouse=True)
+def small_chunks_of_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That there are several in a small painting, with one tile and with more."""
+    monkeypatch.setattr(lazy_module, "CHUNK", SHARED)
 
 
 def lazy(samples: Any = None, **options: Any) -> LazyStack:
@@ -101,11 +110,23 @@ def test_nothing_is_computed_before_it_is_asked_for_and_all_maps_once() -> None:
     dataset = model.apply(lazy(samples))
     assert read == []
     corner = dataset["normal"][:, :20, :20].compute(scheduler="synchronous")
-    assert read == [(0, 0)]
+    # The tiles that share a chunk of the maps, and no others.
+    assert sorted(read) == [(0, 0), (33, 0)]
     assert np.isfinite(corner.values).any()
     read.clear()
     dataset.compute(scheduler="synchronous")
     assert sorted(read) == [(y, x) for y in (0, 33, 66) for x in (0, 40, 80)]
+
+
+def test_small_tiles_share_the_chunks_of_maps() -> None:
+    """Tasks beyond the fits are those of chunks; large tiles are chunks as they are."""
+    model = impasto.learn_sbrdf(stack(), pooling="painting", effort="draft")
+    dataset = model.apply(lazy())
+    assert dataset["normal"].chunks == ((3,), (66, 4), (40, 50))
+    maps = sum(dataset[name].chunks is not None for name in dataset.variables)
+    # Nine tiles of samples, fits, four chunks of their results and of every map, and the model.
+    samples = sum(len(layer) for layer in lazy()._samples.dask.layers.values())
+    assert len(dict(dataset.__dask_graph__())) <= samples + 9 + 4 + 4 * maps + 1
 
 
 def test_a_model_of_some_pixels_is_that_of_a_job(tmp_path: Any) -> None:

@@ -5,8 +5,11 @@
 Wrapper: a painting of 256 tiles of 32 x 32 pixels, of which photometric stereo takes a few
 milliseconds each, is fitted tile by tile by ``LearnedModel.apply``, and lazily with all maps
 computed together, by dask on one thread of this process and by distributed on one worker of one
-thread. The difference of wall-clock times over the number of tiles is what dask costs. Rounds
-alternate; the median counts. Large tiles cost the same each.
+thread. The difference of processor times (of this process, in which the scheduler runs, and of the
+worker) over the number of tiles is what dask costs; wall-clock times stand beside it. Rounds
+alternate; the median counts. ``tasks`` is how many there are for a tile, those that read not
+counted: small tiles share the chunks of the maps. *Apart*: every tile has chunks of its own, as
+tiles of more than 256 x 256 pixels have.
 
 Workers: the second pass of a job with lobes per pixel, some seconds per tile, on a cluster of one
 worker and on one of two, of one thread each. Rounds alternate; the median of the ratios of
@@ -23,6 +26,7 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import Any
+from unittest.mock import patch
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
@@ -31,6 +35,7 @@ from scaling import second_pass
 
 import impasto
 from impasto import simulate
+from impasto.fit import lazy as lazy_stacks
 from impasto.io import write_stack
 
 SMALL, TILES = 32, 16
@@ -44,10 +49,18 @@ def photographs(size: tuple[int, int]) -> impasto.Stack:
     return simulate.default_capture("tominaga-six-band-adaptation", size=size).stack
 
 
-def seconds(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
+def seconds(work: Callable[[], object]) -> tuple[float, float]:
+    """Of the wall clock, and of the processors in this process and those that it has started."""
+    import psutil
+
+    def used() -> float:
+        own = psutil.Process()
+        times = [one.cpu_times() for one in [own, *own.children(recursive=True)]]
+        return float(sum(each.user + each.system for each in times))
+
+    start, before = time.perf_counter(), used()
     work()
-    return time.perf_counter() - start
+    return time.perf_counter() - start, used() - before
 
 
 def workers(count: int) -> Any:
@@ -58,10 +71,17 @@ def workers(count: int) -> Any:
     )
 
 
+def tasks_of(lazy: impasto.LazyStack, model: impasto.LearnedModel, chunk: int | None) -> float:
+    """Per tile, less the one that reads its samples."""
+    with patch.object(lazy_stacks, "CHUNK", chunk or lazy_stacks.CHUNK):
+        graph = dict(model.apply(lazy).__dask_graph__())
+    return len(graph) / TILES**2 - 1.0
+
+
 def wrapper() -> list[dict[str, Any]]:
     """Milliseconds per tile beyond those of the fit alone."""
     import dask.array
-    from distributed import Client
+    from distributed import Client, wait
 
     side = SMALL * TILES
     stack = photographs((side, side))
@@ -82,10 +102,12 @@ def wrapper() -> list[dict[str, Any]]:
         near = impasto.LazyStack(client.persist(samples), lights=stack.rig, **about)
 
         def on_worker() -> None:
-            from distributed import wait
-
             with client.as_current():
                 wait(client.persist(model.apply(near)))
+
+        def apart() -> None:
+            with patch.object(lazy_stacks, "CHUNK", SMALL):
+                on_worker()
 
         ways: dict[str, Callable[[], object]] = {
             "apply": alone,
@@ -94,20 +116,26 @@ def wrapper() -> list[dict[str, Any]]:
                 scheduler="threads", num_workers=1
             ),
             "distributed, one worker": on_worker,
+            "distributed, apart": apart,
         }
-        times: dict[str, list[float]] = {name: [] for name in ways}
+        times: dict[str, list[tuple[float, float]]] = {name: [] for name in ways}
         for _ in range(ROUNDS):
             for name, work in ways.items():
                 times[name].append(seconds(work))
+        tasks = {name: tasks_of(near, model, SMALL if "apart" in name else None) for name in times}
     count, fit = TILES**2, times.pop("apply")
-    rows = [{"way": "apply", "ms per tile": 1e3 * median(fit) / count, "beyond the fit, ms": 0.0}]
+    rows = []
     for name, found in times.items():
-        beyond = found if "graph" in name else [a - b for a, b in zip(found, fit, strict=True)]
+        beyond = [(a - c, b - d) for (a, b), (c, d) in zip(found, fit, strict=True)]
+        if "graph" in name:
+            beyond = found
         rows.append(
             {
                 "way": name,
-                "ms per tile": 1e3 * median(found) / count,
-                "beyond the fit, ms": 1e3 * median(beyond) / count,
+                "tasks": tasks[name],
+                "ms per tile": 1e3 * median(one[0] for one in found) / count,
+                "beyond the fit, ms": 1e3 * median(one[0] for one in beyond) / count,
+                "processor ms": 1e3 * median(one[1] for one in beyond) / count,
             }
         )
     return rows

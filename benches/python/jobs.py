@@ -1,7 +1,7 @@
 """Jobs of any size: memory, pace, and what a job costs beside the fit in memory.
 
     python benches/python/jobs.py [--scale 67 268 1074 [--half]] [--overhead 4] [--sample 1500]
-                                  [--ingest 16] [--record]
+                                  [--ingest 16] [--files 67 [--half] [--folder FOLDER]] [--record]
 
 ``--scale``: megapixels of virtual paintings under 16 lights in six bands of 16 bits: windows of
 them are made of one piece of noise, so that no photographs lie on the disk. Photometric stereo by
@@ -17,6 +17,15 @@ processor and wall-clock seconds of the call, the least of two.
 what is written, and of as many random bytes that are written into one file and flushed; the best of
 three rounds each.
 
+``--files``: megapixels of a painting in 16 tiled TIFFs of six bands of 16 bits, which are written
+to the disk (192 bytes per pixel, and the store as above; ``--folder`` says where, all is removed
+afterwards) and fitted by a job with a budget of 1 GiB, in a process of its own. ``fit`` is the
+processor time per megapixel of ``LearnedModel.apply`` on four megapixels in memory, ``reading``
+that of reading these; ``hashes, learning`` and ``tiles`` are the two parts of the job, ``share``
+what of the tiles' time the fit is. ``disk MB/s`` are what the disk itself reads and writes with
+nothing else to do, in pieces of 16 MiB, past the cache; ``of the disk`` is the time that it
+would take for what the job moved (by ``/proc/self/io``), over the time of the job.
+
 ``--sample``: rows and columns of a simulated painting, satin, 24 lamps, three bands of 8 bits;
 learned from its systematic sample and from all pixels, applied to all: processor seconds of both
 steps, mean error of normals in degrees, and the painting's lobe.
@@ -25,6 +34,7 @@ steps, mean error of normals in degrees, and the painting's lobe.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -47,7 +57,7 @@ from impasto import simulate
 from impasto._internal.heap import share_one_heap
 from impasto._internal.windows import within
 from impasto.encoding import Encoding
-from impasto.io import write_lights
+from impasto.io import read_header, write_lights
 from impasto.io.results.precision import Precision, checked_precision
 from impasto.jobs import Footprint, Photographs
 
@@ -61,6 +71,10 @@ FITS: dict[str, dict[str, Any]] = {
     "one lobe, draft": {"pooling": "painting", "effort": "draft"},
     "one lobe": {"pooling": "painting"},
     "default": {},
+}
+CHEAP: dict[str, dict[str, Any]] = {
+    "stereo": STEREO,
+    "one lobe, apart": {"pooling": "painting", "joint": False},
 }
 ROUNDS = 2
 
@@ -161,6 +175,108 @@ def overhead(way: str, fit: str, folder: Path) -> dict[str, Any]:
     return {"seconds": time.perf_counter() - start, "processor": time.process_time() - used}
 
 
+def disk_speeds(folder: Path) -> dict[str, float]:
+    """Bytes per second that the disk reads and writes, of a gigabyte of random bytes."""
+    block, path = np.random.default_rng(1).bytes(1 << 24), folder / "plain"
+    start = time.perf_counter()
+    with path.open("wb") as file:
+        for _ in range(64):
+            file.write(block)
+        file.flush()
+        os.fsync(file.fileno())
+        written = time.perf_counter()
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+    begun = time.perf_counter()
+    with path.open("rb", buffering=0) as file:
+        while file.read(len(block)):
+            pass
+    read = time.perf_counter()
+    path.unlink()
+    return {"read": 64 * len(block) / (read - begun), "write": 64 * len(block) / (written - start)}
+
+
+def moved() -> dict[str, int]:
+    """Bytes that this process has had from the disk and given to it."""
+    lines = Path("/proc/self/io").read_text(encoding="ascii").splitlines()
+    found = {name: int(count) for name, count in (line.split(": ") for line in lines)}
+    return {"read": found["read_bytes"], "write": found["write_bytes"]}
+
+
+def file_job(fit: str, precision: Precision, folder: Path) -> dict[str, Any]:
+    """A job on files in this process."""
+    share_one_heap()
+    out, marks = folder / "job.zarr", [0.0]
+    side = read_header(folder / "light00.tif").width
+    tiles = math.ceil(side / 1024) ** 2
+
+    def seen(done: int, total: int) -> None:
+        if (done, total) == (0, tiles):
+            marks[0] = time.process_time()
+
+    start, used = time.perf_counter(), time.process_time()
+    impasto.run(
+        folder / "dirs.lp", out, memory=BUDGET, tile=1024, precision=precision, progress=seen,
+        **CHEAP[fit],
+    )  # fmt: skip
+    megapixels = side**2 / 1e6
+    return {
+        "megapixels": megapixels,
+        "peak MiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "seconds": time.perf_counter() - start,
+        "hashes, learning": (marks[0] - used) / megapixels,
+        "tiles": (time.process_time() - marks[0]) / megapixels,
+        **moved(),
+    }
+
+
+def file_fit(fit: str, folder: Path) -> dict[str, Any]:
+    """Processor seconds per megapixel of reading and fitting a part in memory, in this process."""
+    start = time.process_time()
+    side = min(2048, read_header(folder / "light00.tif").width)
+    stack = impasto.read_stack(folder / "dirs.lp", region=(0, 0, side, side))
+    read = time.process_time()
+    model = impasto.learn_sbrdf(stack, **CHEAP[fit])
+    found = []
+    for _ in range(ROUNDS):
+        learned = time.process_time()
+        model.apply(stack)
+        found.append(time.process_time() - learned)
+    megapixels = side**2 / 1e6
+    return {"reading": (read - start) / megapixels, "fit": min(found) / megapixels}
+
+
+def filed(megapixels: float, precision: Precision, folder: Path) -> list[dict[str, Any]]:
+    """Jobs on files of six bands against the same fits in memory, and against the disk."""
+    photographs(megapixels, folder, BANDS)
+    rows = []
+    for fit in CHEAP:
+        disk = disk_speeds(folder)
+        memory = in_own_process("file-fit", fit, str(folder))
+        job = in_own_process("file-job", fit, precision, str(folder))
+        shutil.rmtree(folder / "job.zarr")
+        busy = sum(job[way] / disk[way] for way in ("read", "write"))
+        rows.append(
+            {
+                "fit": fit,
+                "Mpx": job["megapixels"],
+                "peak MiB": job["peak MiB"],
+                "seconds": job["seconds"],
+                "Mpx/s": job["megapixels"] / job["seconds"],
+                "fit s/Mpx": memory["fit"],
+                "reading s/Mpx": memory["reading"],
+                "hashes, learning s/Mpx": job["hashes, learning"],
+                "tiles s/Mpx": job["tiles"],
+                "share": memory["fit"] / job["tiles"],
+                "disk reads MB/s": disk["read"] / 1e6,
+                "disk writes MB/s": disk["write"] / 1e6,
+                "read GB": job["read"] / 1e9,
+                "written GB": job["write"] / 1e9,
+                "of the disk": busy / job["seconds"],
+            }
+        )
+    return rows
+
+
 def ingested(megapixels: float, folder: Path) -> list[dict[str, Any]]:
     """The store of all photographs against the disk."""
     photographs(megapixels, folder)
@@ -214,14 +330,21 @@ def in_own_process(*words: str) -> dict[str, Any]:
     return found
 
 
-def photographs(megapixels: float, folder: Path) -> None:
-    """Tiled TIFFs of three bands and their lights."""
-    side = round(math.sqrt(megapixels * 1e6) / PIECE) * PIECE
-    small = piece(3, PIECE)
+def photographs(megapixels: float, folder: Path, bands: int = 3) -> None:
+    """Tiled TIFFs and their lights: in every tile the same piece, so that none is held whole."""
+    across = round(math.sqrt(megapixels * 1e6) / PIECE)
+    small = piece(bands, PIECE)
     names = [f"light{index:02}.tif" for index in range(LIGHTS)]
     for name, codes in zip(names, small.samples, strict=True):
-        picture = np.tile(np.moveaxis(codes, 0, -1), (side // PIECE, side // PIECE, 1))
-        tifffile.imwrite(folder / name, picture, tile=(PIECE, PIECE), photometric="rgb")
+        tifffile.imwrite(
+            folder / name,
+            itertools.repeat(np.ascontiguousarray(np.moveaxis(codes, 0, -1)), across**2),
+            shape=(across * PIECE, across * PIECE, bands),
+            dtype=codes.dtype,
+            tile=(PIECE, PIECE),
+            photometric="rgb" if bands == 3 else "minisblack",
+            planarconfig="contig",
+        )
     write_lights(folder / "dirs.lp", small.rig, names)
 
 
@@ -249,6 +372,7 @@ def main() -> None:
     parser.add_argument("--half", action="store_true")
     parser.add_argument("--overhead", type=float)
     parser.add_argument("--ingest", type=float)
+    parser.add_argument("--files", type=float)
     parser.add_argument("--sample", type=int)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--record", action="store_true")
@@ -258,13 +382,17 @@ def main() -> None:
         what, *words, folder = options.call
         if what == "scale":
             print(json.dumps(scaled(float(words[0]), checked_precision(words[1]), Path(folder))))
+        elif what == "file-job":
+            print(json.dumps(file_job(words[0], checked_precision(words[1]), Path(folder))))
+        elif what == "file-fit":
+            print(json.dumps(file_fit(words[0], Path(folder))))
         else:
             print(json.dumps(overhead(*words, Path(folder))))
         return
     tables: dict[str, Any] = {}
+    precision: Precision = "half" if options.half else "single"
     with tempfile.TemporaryDirectory(dir=options.folder) as name:
         for megapixels in options.scale:
-            precision = "half" if options.half else "single"
             row = in_own_process("scale", str(megapixels), precision, name)
             tables.setdefault("scale", []).append(row)
             shutil.rmtree(Path(name) / "virtual.zarr")
@@ -272,6 +400,8 @@ def main() -> None:
             tables["overhead"] = compared(options.overhead, Path(name))
         if options.ingest:
             tables["ingest"] = ingested(options.ingest, Path(name))
+        if options.files:
+            tables["files"] = filed(options.files, precision, Path(name))
     if options.sample:
         tables["sample"] = [from_sample(options.sample, sample) for sample in (None, 1)]
     for title, rows in tables.items():

@@ -181,9 +181,16 @@ def _archive(path: Path) -> dict[str, Any]:
         "lights": len(sbrdf.rig),
         "normals": sbrdf.normals.method,
         "status": _counts(statuses),
-        **_gloss(sbrdf.report()),
+        **(_gloss(sbrdf.report()) if _searched(sbrdf) else {"gloss": "not fitted"}),
         **facts,
     }
+
+
+def _searched(sbrdf: Any) -> bool:
+    """Whether a lobe was looked for: the search for one of the painting leaves its steps."""
+    from impasto.fit.pooled import PooledSbrdf
+
+    return not isinstance(sbrdf, PooledSbrdf) or len(sbrdf.path) > 0
 
 
 def _gloss(numbers: dict[str, Any]) -> dict[str, Any]:

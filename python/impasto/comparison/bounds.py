@@ -21,6 +21,8 @@ Planes = NDArray[np.float64]
 
 STEP = 0.05
 """Of the logarithm of a width, for a difference quotient."""
+BLOCK = 2048
+"""Pixels whose matrices are inverted together: a cache holds them."""
 TILT = 0.01
 """Radians, the same of a normal."""
 EMPTY = 1e-12
@@ -83,55 +85,43 @@ def bounds_of(
         base = replace(base, lobes=tuple(_with_shape(lobe) for lobe in base.lobes))
     dark = np.zeros((1, *part.shape), np.float32)
 
-    def shown(surface: Surface) -> Planes:
-        return surface.predict(part.rig)[:, 0].astype(np.float64)
+    def shown(surface: Surface) -> NDArray[np.float32]:
+        return surface.predict(part.rig)[:, 0]
 
     bare = replace(base, lobes=(), ambient=None)
     black = replace(bare, diffuse=dark)
     # Every band has its own of these ...
-    columns = [shown(replace(bare, diffuse=dark + np.float32(1.0)))]
-    columns += [shown(replace(black, lobes=(replace(one, strength=1.0),)))
+    columns = [_Column(shown(replace(bare, diffuse=dark + np.float32(1.0))))]
+    columns += [_Column(shown(replace(black, lobes=(replace(one, strength=1.0),))))
                 for one in base.lobes[:count]]  # fmt: skip
     ridge = [np.zeros(part.shape)] * len(columns)
     level = 0.0 if base.ambient is None else _root_mean_square(base.ambient)
     if level > 0.0:
-        columns.append(np.ones_like(columns[0]))
+        columns.append(_Column(np.ones_like(columns[0].shown)))
         ridge.append((deviation / level) ** 2)
     # ... and these are shared.
     apart = len(columns)
     tilts = []
-    for up, down in (_tilted(base.normal, 0), _tilted(base.normal, 1)):
-        one, other = (shown(replace(base, normal=normal)) for normal in (up, down))
-        tilts.append((one - other) / (2.0 * TILT))
+    for axis in (0, 1):
+        up, down = (shown(replace(base, normal=normal)) for normal in _tilted(base.normal, axis))
+        tilts.append(_Column(up, down, TILT))
     widths = []
     for lobe in base.lobes[:count]:
         wide, narrow = (
             shown(replace(black, lobes=(replace(lobe, shape=_scaled(lobe.shape, factor)),)))
             for factor in (np.exp(STEP), np.exp(-STEP))
         )
-        widths.append((wide - narrow) / (2.0 * STEP))
+        widths.append(_Column(wide, narrow, STEP))
     columns += tilts if given_normal is None else widths
     ridge += [np.zeros(part.shape)] * (len(columns) - apart)
-    table, prior = np.stack(columns, axis=-1), np.stack(ridge, axis=-1)
-    whole = _inverse(table, prior)
-    alone = _inverse(table[..., :apart], prior[..., :apart])
-    variance = deviation**2 * (alone[..., 0, 0] + (whole[..., 0, 0] - alone[..., 0, 0]) / bands)
-    strengths = slice(1, 1 + count)
-    spread = deviation**2 * whole[..., strengths, strengths].sum(axis=(2, 3)) / bands
-    free = deviation[..., None] ** 2 * np.diagonal(whole, axis1=2, axis2=3)[..., apart:] / bands
     if given_normal is None:
         fixed = list(zip(widths, () if gamma_sigma is None else gamma_sigma, strict=True))
     else:
         fixed = [(column, given_normal) for column in tilts]
-    for column, sigma in fixed:
-        # By how much unknowns move with what was given: least squares of its column on theirs.
-        moved = np.einsum("oyxi,oyx->yxi", table, column)
-        pull = np.einsum("yxij,yxj->yxi", whole, moved) * np.nan_to_num(sigma)[..., None]
-        variance = variance + pull[..., 0] ** 2
-        spread = spread + pull[..., strengths].sum(axis=-1) ** 2
-        free = free + pull[..., apart:] ** 2
+    problem = _Problem(columns, np.stack(ridge), deviation, fixed, apart, count, bands)
+    variance, spread, free = problem.solved()
     if given_normal is not None:
-        shape = np.moveaxis(np.sqrt(free), -1, 0)
+        shape = np.sqrt(free)
     else:
         shape = np.zeros((0, *part.shape)) if gamma_sigma is None else gamma_sigma.astype(float)
     return Bounds(
@@ -141,29 +131,153 @@ def bounds_of(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """What photographs ``(observation, y, x)`` show of an unknown.
+
+    Attributes
+    ----------
+    shown
+        Of an unknown of 1; or, with ``less``, of one that is larger by ``step``.
+    less
+        Of one that is smaller by ``step``.
+    """
+
+    shown: NDArray[np.float32]
+    less: NDArray[np.float32] | None = None
+    step: float = 0.5
+
+    def of(self, at: slice) -> Planes:
+        """``(observation, n)``: of some pixels, counted row by row."""
+        found = self.shown.reshape(len(self.shown), -1)[:, at].astype(np.float64)
+        if self.less is not None:
+            found -= self.less.reshape(len(self.less), -1)[:, at]
+            found /= 2.0 * self.step
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Least squares of every pixel.
+
+    Attributes
+    ----------
+    columns
+        Of the unknowns: the first is the diffuse part, then come ``count`` strengths of lobes; from
+        ``apart`` on they are those of all bands.
+    prior
+        ``(k, y, x)``: added to their squares.
+    deviation
+        ``(y, x)``: standard deviation of the residuals.
+    fixed
+        Columns of what is given, with its standard deviation ``(y, x)``.
+    apart, count, bands
+        How many.
+    """
+
+    columns: list[_Column]
+    prior: Planes
+    deviation: Planes
+    fixed: list[tuple[_Column, NDArray[Any]]]
+    apart: int
+    count: int
+    bands: int
+
+    def solved(self) -> tuple[Planes, Planes, Planes]:
+        """Variances of the diffuse part, of the sum of strengths, and of what all bands share.
+
+        The first two are those of one band ``(y, x)``, the last ``(k - apart, y, x)``.
+        """
+        shape, pixels = self.deviation.shape, self.deviation.size
+        found = np.empty((2 + len(self.columns) - self.apart, pixels))
+        for start in range(0, pixels, BLOCK):
+            at = slice(start, min(start + BLOCK, pixels))
+            found[:, at] = self._of(at)
+        planes = found.reshape(-1, *shape)
+        return planes[0], planes[1], planes[2:]
+
+    def _of(self, at: slice) -> Planes:
+        """All of them ``(..., n)`` of some pixels."""
+        apart, bands = self.apart, self.bands
+        columns = [one.of(at) for one in self.columns]
+        prior = self.prior.reshape(len(self.prior), -1)[:, at]
+        products = _products(columns)
+        whole = _inverse(products, prior)
+        alone = _inverse(products[:apart, :apart], prior[:apart])
+        strengths = slice(1, 1 + self.count)
+        diffuse = alone[0, 0] + (whole[0, 0] - alone[0, 0]) / bands
+        strength = whole[strengths, strengths].sum(axis=(0, 1)) / bands
+        shared = np.diagonal(whole).T[apart:] / bands
+        found: Planes = np.stack([diffuse, strength, *shared])
+        found *= self.deviation.reshape(-1)[at] ** 2
+        for column, sigma in self.fixed:
+            # By how much unknowns move with what was given: least squares of its column on theirs.
+            given = column.of(at)
+            moved = np.stack([_product(one, given) for one in columns])
+            pull = np.einsum("ijn,jn->in", whole, moved)
+            pull *= np.nan_to_num(sigma.reshape(-1)[at])
+            found += np.stack([pull[0], pull[strengths].sum(axis=0), *pull[apart:]]) ** 2
+        return found
+
+
 def _root_mean_square(planes: NDArray[np.float32]) -> float:
     known = planes[np.isfinite(planes)].astype(np.float64)
     return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
 
-def _inverse(table: Planes, prior: Planes) -> Planes:
-    """``(y, x, k, k)``: of the products of columns ``(observation, y, x, k)``; NaN where unknown.
+def _product(one: Planes, other: Planes) -> Planes:
+    """``(n,)``: the sum over observations of two columns ``(observation, n)``."""
+    return np.asarray(np.einsum("on,on->n", one, other))
 
-    ``prior (y, x, k)``: added to their squares.
+
+def _products(columns: list[Planes]) -> Planes:
+    """``(k, k, n)``: of every two columns."""
+    found = np.empty((len(columns), len(columns), columns[0].shape[1]))
+    for i, one in enumerate(columns):
+        for j, other in enumerate(columns[: i + 1]):
+            found[i, j] = found[j, i] = _product(one, other)
+    return found
+
+
+def _inverse(products: Planes, prior: Planes) -> Planes:
+    """``(k, k, n)``: that of the products of columns; NaN where unknown.
+
+    ``prior (k, n)``: added to their squares.
     """
-    information = np.einsum("oyxi,oyxj->yxij", table, table)
-    finite = np.isfinite(information).all(axis=(2, 3)) & np.isfinite(prior).all(axis=2)
-    unit = np.eye(table.shape[-1])
-    information = np.where(finite[..., None, None], information, unit)
-    size = np.diagonal(information, axis1=2, axis2=3)
+    finite = np.isfinite(products).all(axis=(0, 1)) & np.isfinite(prior).all(axis=0)
+    even = np.where(finite, products, np.eye(len(products))[..., None])
+    size = np.diagonal(even).T
     # What photographs show nothing of has an error without bounds, and no say.
-    empty = size < EMPTY * size.max(axis=2, keepdims=True)
+    empty = size < EMPTY * size.max(axis=0)
     scale = np.sqrt(np.where(empty, 1.0, size))
-    outer = scale[..., :, None] * scale[..., None, :]
-    even = np.where(empty[..., :, None] | empty[..., None, :], 0.0, information / outer)
-    added = np.where(finite[..., None], prior, 0.0) / scale**2 + np.where(empty, 1.0, RIDGE)
-    inverse = np.linalg.inv(even + unit * added[..., None]) / outer
-    return np.where(finite[..., None, None], inverse, np.nan)
+    outer = scale[:, None] * scale
+    even /= outer
+    even[empty[:, None] | empty] = 0.0
+    added = np.where(finite, prior, 0.0) / scale**2 + np.where(empty, 1.0, RIDGE)
+    for at, more in enumerate(added):
+        even[at, at] += more
+    inverse = inverse_of(even)
+    inverse /= outer
+    inverse[:, :, ~finite] = np.nan
+    return inverse
+
+
+def inverse_of(matrices: Planes) -> Planes:
+    """Inverses of positive definite matrices ``(k, k, n)``, all together.
+
+    Gauss-Jordan elimination, which needs no pivoting where matrices are positive definite
+    [@higham2002accuracy]. LAPACK takes them one after the other, and several times as long.
+    """
+    found = np.array(matrices, np.float64)
+    for at in range(len(found)):
+        pivot = 1.0 / found[at, at]
+        row = found[at] * pivot
+        column = found[:, at].copy()
+        found -= column[:, None] * row
+        found[at] = row
+        found[:, at] = -column * pivot
+        found[at, at] = pivot
+    return found
 
 
 def _one_band(surface: Surface, shape: tuple[int, int]) -> Surface:

@@ -26,7 +26,7 @@ from impasto.comparison.registration import Align, Exposure, aligned
 from impasto.comparison.result import KIND, Comparison, from_dict
 from impasto.comparison.store import write_store
 from impasto.comparison.summary import Summary
-from impasto.comparison.tiles import Comparer
+from impasto.comparison.tiles import STEPS, Comparer
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance
@@ -111,7 +111,8 @@ def compare(
     height
         Whether both are integrated to heights and compared, in memory; without an error.
     progress
-        True for a bar on stderr, or a callable ``(done, total)`` in tiles.
+        True for a bar on stderr, or a callable ``(done, total)`` in steps, of which every tile has
+        three.
 
     Returns
     -------
@@ -160,15 +161,19 @@ def compare(
         with reporting(progress, "comparing") as callback:
             for count, tile in enumerate(grid):
                 part = grid.window(tile)
-                found = comparer.tile(part)
+
+                def step(done: int, before: int = STEPS * count) -> None:
+                    if callback is not None:
+                        callback(before + done, STEPS * len(grid))
+
+                found = comparer.tile(part, step)
                 sums.add(part, found.overview)
                 summary.add(part, found)
                 connected.add(part, found.maps)
                 if normals is not None:
                     normals[(slice(None), slice(None), *part)] = found.normals
                 yield tile, found.maps
-                if callback is not None:
-                    callback(count + 1, len(grid))
+                step(STEPS)
 
     def result(maps: ComparisonMaps | None, path: Path | None) -> Comparison:
         extent, clusters = connected.clusters(

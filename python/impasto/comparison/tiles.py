@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,9 @@ Planes = NDArray[np.float64]
 DIVISION = 2.0
 """Where the number of lobes differs, light is divided otherwise between lobes and diffuse part: so
 many times larger are errors there, measured on paintings that had not changed."""
+STEPS = 3
+"""Of a window: the quantities before, those after, the differences. The first two take most of the
+time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +79,18 @@ class Comparer:
     alpha: float
     exposure_sigma: float
 
-    def tile(self, part: Window) -> Tile:
-        """Maps, statuses and marks of a window; they do not depend on which windows are made."""
+    def tile(self, part: Window, step: Callable[[int], object]) -> Tile:
+        """Maps, statuses and marks of a window; they do not depend on which windows are made.
+
+        ``step`` is called after each of the :data:`STEPS` but the last, with how many there were.
+        """
         # One pixel more for the slopes that an error of the registration is multiplied by.
         wide = widened(part, self.before.shape, 1)
         inner = within(part, wide)
         one = quantities_of(self.before.window(*wide))
+        step(1)
         other, covered = self._after(wide)
+        step(2)
         status = _status(one, other, covered)
         fine = status < Compared.OUTSIDE
         angle = _angles(one.normal, other.normal)

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 ALBEDO = 0.5
 """Of the flat matte pixel whose fit shows which maps there will be."""
+CHUNK = 512
+"""Rows and columns of the chunks of maps that small tiles share, at most. Handing out the maps of a
+tile takes a task each, and Dask a millisecond or two for a task; whoever asks for a pixel has the
+fit of a chunk."""
 
 
 class LazyStack(Deferred):
@@ -37,7 +41,8 @@ class LazyStack(Deferred):
     :func:`fit_sbrdf`, :func:`fit_normals` and :meth:`LearnedModel.apply` take it and return an
     ``xarray.Dataset`` of dask arrays: nothing of it is computed until its values are asked for.
     Every chunk ``(y, x)`` of the samples is a tile, and one task makes all its maps, on one thread
-    unless ``threads=`` says more. Compute the maps that you need together, as by
+    unless ``threads=`` says more; tiles that are smaller share the chunks of the maps, of 512 x 512
+    pixels at most. Compute the maps that you need together, as by
     ``dataset.compute()`` or ``dataset.to_zarr(...)``: each of these calls fits every tile once.
 
     What the fit must know of the whole painting is learned first, from every ``sample``-th row and
@@ -215,8 +220,10 @@ class LazyStack(Deferred):
             # A task of its own: it goes to a worker once, not with every tile.
             tiles=dask.delayed(tiles, name=f"impasto-model-{uuid4().hex}", traverse=False),
         )
+        down, across = _shared(rows), _shared(columns)
+        results = results.rechunk((tuple(map(len, down)), tuple(map(len, across))))
         maps: dict[str, Any] = {
-            name: _taken(results, name, plane, rows, columns)
+            name: _taken(results, name, plane, down, across)
             for name, plane in _maps_of(first).items()
         }
         if isinstance(getattr(first, "rig", None), Rig):
@@ -304,9 +311,16 @@ def _fitted_block(
 
 
 def _taken(
-    results: Any, name: str, plane: NDArray[Any], rows: list[slice], columns: list[slice]
+    results: Any,
+    name: str,
+    plane: NDArray[Any],
+    down: list[list[slice]],
+    across: list[list[slice]],
 ) -> Any:
-    """One map of all tiles, as a dask array; ``plane`` is that of a pixel."""
+    """One map of all tiles, as a dask array; ``plane`` is that of a pixel.
+
+    ``down`` and ``across``: rows and columns of the tiles in every chunk.
+    """
     import dask.array
 
     leading = plane.shape[:-2]
@@ -315,18 +329,31 @@ def _taken(
         results,
         which=name,
         new_axis=list(range(len(leading))) or None,
-        chunks=(*((n,) for n in leading), _sizes(rows), _sizes(columns)),
+        chunks=(*((n,) for n in leading), _sizes(down), _sizes(across)),
         dtype=plane.dtype,
         meta=np.empty((0,) * plane.ndim, plane.dtype),
     )
 
 
 def _map_of(results: NDArray[Any], which: str) -> Any:
-    return results[0, 0][which]
+    if results.size == 1:
+        return results[0, 0][which]
+    return np.block([[one[which] for one in row] for row in results])
 
 
-def _sizes(parts: list[slice]) -> tuple[int, ...]:
-    return tuple(part.stop - part.start for part in parts)
+def _shared(tiles: list[slice]) -> list[list[slice]]:
+    """Tiles along an axis, those together that share a chunk of the maps."""
+    shared: list[list[slice]] = []
+    for tile in tiles:
+        if shared and tile.stop - shared[-1][0].start <= CHUNK:
+            shared[-1].append(tile)
+        else:
+            shared.append([tile])
+    return shared
+
+
+def _sizes(chunks: list[list[slice]]) -> tuple[int, ...]:
+    return tuple(tiles[-1].stop - tiles[0].start for tiles in chunks)
 
 
 def _inner(sizes: tuple[int, ...], halo: int) -> list[slice]:

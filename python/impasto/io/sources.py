@@ -66,6 +66,35 @@ class Source(ABC):
         left, right = self._bounds("columns", columns, self.shape[2])
         return self._read(top, bottom, left, right)
 
+    def read_into(
+        self, out: NDArray[Any], rows: slice | None = None, columns: slice | None = None
+    ) -> None:
+        """The samples of one window, written to where they are wanted: see :meth:`read`.
+
+        Parameters
+        ----------
+        out
+            ``(band, rows, columns)`` of the type of this source; it need not be contiguous.
+
+        Raises
+        ------
+        ArgumentError
+            ``out`` has another shape or type, or what :meth:`read` refuses.
+        """
+        top, bottom = self._bounds("rows", rows, self.shape[1])
+        left, right = self._bounds("columns", columns, self.shape[2])
+        wanted = self.shape[0], bottom - top, right - left
+        if out.shape != wanted or out.dtype != self.dtype:
+            raise ArgumentError(
+                f"out: expected {self.dtype} of shape {wanted}, found {out.dtype} of {out.shape}"
+            )
+        self._read_into(out, top, left)
+
+    def _read_into(self, out: NDArray[Any], top: int, left: int) -> None:
+        """The window from ``top`` and ``left`` on, into an array of its size."""
+        _, height, width = out.shape
+        out[...] = self.read(slice(top, top + height), slice(left, left + width))
+
     @abstractmethod
     def close(self) -> None:
         """Give the file back; a closed source is not read again."""

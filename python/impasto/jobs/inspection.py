@@ -238,7 +238,7 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
     known: dict[str, str] = dict(entries.files or {})
     for entry in entries.tiles.values():
         known |= entry.shards
-    yield from _changed(folder, known, "in the journal")
+    yield from changed(folder, known)
     own = {*known, f"{NOTES}/{JOURNAL}"}
     missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
     if whole:
@@ -268,11 +268,13 @@ def _merged_findings(checksums: Path) -> Iterator[Finding]:
         yield Finding(str(error.path), error.problem)
         return
     folder = checksums.parent
-    yield from _changed(folder, known, f"in {CHECKSUMS}")
+    yield from changed(folder, known, f"in {CHECKSUMS}")
     yield from _others(folder, {*known, CHECKSUMS})
 
 
-def _changed(folder: Path, known: Mapping[str, str], where: str) -> Iterator[Finding]:
+def changed(
+    folder: Path, known: Mapping[str, str], where: str = "in the journal"
+) -> Iterator[Finding]:
     """Files that are not as their checksums say."""
     for name, crc in known.items():
         path = folder / name

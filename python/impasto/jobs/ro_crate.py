@@ -20,7 +20,7 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
-from impasto.jobs.inspection import folder_of
+from impasto.jobs.inspection import changed, folder_of
 from impasto.jobs.journal import Entries
 from impasto.jobs.record import JobRecord
 
@@ -105,13 +105,19 @@ def export_ro_crate(
 
 
 def _check_files(store: Path, entries: Entries) -> None:
-    """Nothing that the journal has is missing; checksums are left to ``verify``."""
-    shards = (name for entry in entries.tiles.values() for name in entry.shards)
-    for name in (*(entries.files or {}), *shards):
-        if not (store / name).is_file():
-            raise CorruptInputError(
-                store / name, f"is missing; impasto job verify {store} lists all that is not whole"
-            )
+    """Nothing that the journal has is missing or has changed: an archive gets no damaged tile."""
+    found = [(finding, "") for finding in changed(store, entries.files or {})]
+    for (row, column), entry in entries.tiles.items():
+        place = f" (the tile in row {row} and column {column})"
+        found += [(finding, place) for finding in changed(store, entry.shards)]
+    if found:
+        first, place = found[0]
+        others = f"; so are {len(found) - 1} more files" if len(found) > 1 else ""
+        raise CorruptInputError(
+            Path(first.file),
+            f"is not whole{place}: {first.problem}{others}; impasto job verify {store} lists all "
+            "and says how they are made again",
+        )
 
 
 def _link_all(store: Path, target: Path) -> None:

@@ -43,10 +43,14 @@ class Picture(Source):
 
     def read(self, rows: slice | None = None, columns: slice | None = None) -> NDArray[Any]:
         """See :class:`~impasto.io.Source`."""
-        if self._file.handle.closed:
-            raise ValueError(f"{self.name}: is closed")
+        self.check_open()
         with damage_of(self.header.path, "a picture"):
             return super().read(rows, columns)
+
+    def check_open(self) -> None:
+        """Refuse what comes after :meth:`close`."""
+        if self._file.handle.closed:
+            raise ValueError(f"{self.name}: is closed")
 
     def close(self) -> None:
         """See :class:`~impasto.io.Source`."""

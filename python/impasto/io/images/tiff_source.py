@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.damage import damage_of
 from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError, ImpastoError
 from impasto.io.images.header import ImageHeader
@@ -28,8 +29,9 @@ from impasto.io.images.tiff_codecs import (
     one_strip,
 )
 
-_AT_ONCE = 1 << 24
-"""Bytes that are read at once where nothing is compressed."""
+_AT_ONCE = 1 << 18
+"""Bytes that are read at once where nothing is compressed: the cache has them while bands are taken
+apart."""
 _FEW = 4
 """Segments for which no threads are started."""
 
@@ -63,13 +65,25 @@ class TiffSource(Picture):
         page = self._pages[0]
         return (1, 1) if page.plain else (page.length, page.width)
 
+    def _read_into(self, out: NDArray[Any], top: int, left: int) -> None:
+        if out.dtype != self.header.dtype:
+            super()._read_into(out, top, left)
+            return
+        # Without a picture of its own in between.
+        self.check_open()
+        with damage_of(self.header.path, "a picture"):
+            self._fill(out, top, left)
+
     def _read(self, top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
         out = np.empty((self.shape[0], bottom - top, right - left), self.header.dtype)
+        self._fill(out, top, left)
+        return out.astype(self.dtype, copy=False)
+
+    def _fill(self, out: NDArray[Any], top: int, left: int) -> None:
         first = 0
         for page in self._pages:
             page.fill(out[first : first + page.kept], top, left)
             first += page.kept
-        return out.astype(self.dtype, copy=False)
 
 
 @dataclass(slots=True)

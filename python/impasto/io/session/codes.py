@@ -15,7 +15,7 @@ from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 from impasto.io.images import ImageHeader, open_picture
 from impasto.io.notes import Notebook
-from impasto.io.session.frames import Region, check_region, read_region
+from impasto.io.session.frames import Region, check_region, read_region, read_region_into
 from impasto.io.session.geometry import Geometry
 from impasto.io.session.observations import Observations
 
@@ -60,17 +60,20 @@ def read_codes(
                 if out is None and position == 0:
                     area = check_region(region, (header.height, header.width))
                 _same_camera(header, headers[0])
-                planes = wait_for(read_region, picture, area)
-            if index and len(planes) != widths[position]:
-                _refuse(header, headers[position], "number of bands", len(planes), widths[position])
-            if index == 0:
-                # The first observation determines the number of bands.
-                widths.append(len(planes))
-                out = planes if out is None else np.concatenate([out, planes])
-            else:
-                assert out is not None
-                wait_for(np.copyto, out[index, band : band + len(planes)], planes)
-            band += len(planes)
+                bands = picture.shape[0]
+                if index == 0:
+                    # The first observation determines the number of bands.
+                    widths.append(bands)
+                    planes = wait_for(read_region, picture, area)
+                    out = planes if out is None else np.concatenate([out, planes])
+                else:
+                    if bands != widths[position]:
+                        _refuse(
+                            header, headers[position], "number of bands", bands, widths[position]
+                        )
+                    assert out is not None
+                    wait_for(read_region_into, picture, area, out[index, band : band + bands])
+            band += bands
         if index == 0:
             assert out is not None
             out = _allocate(out, len(observations.files), files[0])

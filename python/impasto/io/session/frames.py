@@ -39,6 +39,15 @@ def read_region(source: Source, region: Region | None) -> NDArray[Any]:
     return source.read(slice(top, top + height), slice(left, left + width))
 
 
+def read_region_into(source: Source, region: Region | None, out: NDArray[Any]) -> None:
+    """As :func:`read_region`, written to where the samples are wanted."""
+    rows = columns = None
+    if region is not None:
+        top, left, height, width = region
+        rows, columns = slice(top, top + height), slice(left, left + width)
+    source.read_into(out, rows, columns)
+
+
 def picture_codes(path: Path, layer: str | None, region: Region | None) -> NDArray[Any]:
     """The codes of a picture, or of as much of the region as it has."""
     with open_picture(path, layer=layer) as picture:

@@ -372,10 +372,11 @@ impl<R: Real> Equations<R> {
                 place += 1;
             }
         }
-        let descent = core::array::from_fn(|row| {
+        let mut descent = [R::zero(); 4];
+        for row in 0..4 {
             let through = self.g[row].mul_add(pull, t[row] * coloured);
-            (-through).mul_add(inverse, self.descent[row])
-        });
+            descent[row] = (-through).mul_add(inverse, self.descent[row]);
+        }
         Reduced { matrix, descent }
     }
 
