@@ -124,6 +124,10 @@ def _double(capture: Any, **options: Any) -> Arrays:
     return _lobes(capture, effort=impasto.Effort(rounds=1, precision="double"), **options)
 
 
+def _steps(capture: Any, **options: Any) -> Arrays:
+    return _lobes(capture, effort=impasto.Effort(rounds=3, colour_iterations=1), **options)
+
+
 def _height(capture: Any, **options: Any) -> Arrays:
     return (impasto.integrate_normals(capture.truth.normal, 0.2, **options),)
 
@@ -138,6 +142,7 @@ CALLS: dict[str, Callable[..., Arrays]] = {
     "fit_sbrdf, pooling='pixel'": _lobes,
     "fit_sbrdf, pooling='pixel', a table": _table,
     "fit_sbrdf, pooling='pixel', in double precision": _double,
+    "fit_sbrdf, pooling='pixel', rounds of one step": _steps,
     "fit_reflectance": _reflectance,
     "integrate_normals": _height,
 }

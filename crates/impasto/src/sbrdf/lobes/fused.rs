@@ -35,7 +35,7 @@ const RISE: f64 = 1.0005;
 
 /// Squared length of the last step in standard deviations below which a pixel has converged: half a
 /// deviation (the relative offset of Bates and Watts [@bates1981offset]). Further steps are shorter.
-const SETTLED: f64 = 0.25;
+const OFFSET: f64 = 0.25;
 
 /// The same, as a share of the cost: where there is no noise, deviations are 0.
 const NOTHING_LEFT: f64 = 1e-6;
@@ -234,7 +234,7 @@ impl<
             here.shapes[i] = gather(estimates, self.at, |estimate| estimate.shapes[lobe][shape]);
         }
         let (mut before, mut step, mut least) = (here, [zero; N], zero);
-        let mut settled = R::Mask::splat(false);
+        let mut converged = R::Mask::splat(false);
         for round in 0..=self.rounds.rounds {
             let mut cost = self.look(&here);
             if round > 0 {
@@ -250,11 +250,11 @@ impl<
                         cost = self.look(&here);
                     }
                     // A pixel whose last step did not help is not at a minimum as far as is known.
-                    settled = settled & !worse;
+                    converged = converged & !worse;
                 }
             }
             if round == self.rounds.rounds {
-                self.store(&here, cost, settled);
+                self.store(&here, cost, converged);
                 return;
             }
             let left = self.memory.shown.left(self.rounds.samples, self.at);
@@ -267,7 +267,7 @@ impl<
             let wish;
             (step, wish) = self.step(&total, &here);
             let nothing = R::of(NOTHING_LEFT) * total.cost;
-            settled = wish.le((R::of(SETTLED) * variance).max(nothing));
+            converged = wish.le((R::of(OFFSET) * variance).max(nothing));
             here = here.moved(&step, R::one());
         }
     }
@@ -438,13 +438,13 @@ impl<
     /// Writes where the rounds end.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
-    fn store(&mut self, here: &Point<R, N>, cost: R, settled: R::Mask) {
+    fn store(&mut self, here: &Point<R, N>, cost: R, converged: R::Mask) {
         let mut numbers = [[0.0; MAX_LANES]; 5];
         here.normal.x.store(&mut numbers[0]);
         here.normal.y.store(&mut numbers[1]);
         here.normal.z.store(&mut numbers[2]);
         cost.store(&mut numbers[3]);
-        R::keep(settled, R::one()).store(&mut numbers[4]);
+        R::keep(converged, R::one()).store(&mut numbers[4]);
         let mut shapes = [[0.0; MAX_LANES]; N];
         for i in 2..N {
             here.shapes[i].store(&mut shapes[i]);

@@ -159,7 +159,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             let variance = if renew {
                 shown.renew(&left, samples, at)
             } else {
-                shown.settle_bounds(samples, at);
+                shown.fix_bounds(samples, at);
                 shown.variance(&left)
             };
             variance.store(&mut solution.variance[at..]);

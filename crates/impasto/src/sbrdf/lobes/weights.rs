@@ -124,7 +124,7 @@ impl<R: Real<Scalar = f32>> Shown<R> {
 
     /// Bounds become samples that weigh what they do, or nothing.
     #[inline(always)]
-    pub(super) fn settle_bounds(&self, samples: &mut TileSamples, at: usize) {
+    pub(super) fn fix_bounds(&self, samples: &mut TileSamples, at: usize) {
         for plane in 0..self.all.len() {
             let (sample, weight) = samples.at::<R>(plane, at);
             let weight = weight_at(weight, sample, self.all[plane]);
