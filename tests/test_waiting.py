@@ -127,7 +127,7 @@ EACH = ("open_picture", "develop")
 """What is done to each photograph."""
 
 FIRST = ("read_region", "copyto")
-"""What is done to the first, whose size the others' memory has; these are read where they belong."""
+"""What is done to the first, whose size is that of all; the others are read where they belong."""
 
 
 def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, data: Path) -> None:
