@@ -167,7 +167,7 @@ impl<R: Real, const N: usize> Normal<R, N> {
     /// `yes` in the lanes of the mask, else `self`.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "triangles are written with their indices")]
-    pub(super) fn replace(&mut self, mask: R::Mask, yes: &Self) {
+    pub(crate) fn replace(&mut self, mask: R::Mask, yes: &Self) {
         self.cost = R::select(mask, yes.cost, self.cost);
         for i in 0..N {
             self.descent[i] = R::select(mask, yes.descent[i], self.descent[i]);

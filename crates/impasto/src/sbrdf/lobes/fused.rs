@@ -2,8 +2,9 @@
 //! normals with one Gauss-Newton step per round, in one pass over the columns.
 //!
 //! A round computes columns and slopes once. The colours under the old weights give the residuals, the
-//! residuals the new weights, and the equations under these the step. Every pixel takes the same
-//! number of rounds: there is no branch, but where a step has raised the cost.
+//! residuals the new weights, and the equations under these the step. A pixel whose step has raised
+//! the cost keeps weights and equations, and tries a shorter one: every pixel takes the same number of
+//! passes, without branches.
 
 use crate::lm::{Normal, factor};
 use crate::math::lanes::{Isa, MAX_LANES};
@@ -32,6 +33,9 @@ const LONGEST_CHANGE: f64 = 0.7;
 /// Factor by which a step may raise the cost under the weights that it was computed with. Rounding
 /// is a tenth of it.
 const RISE: f64 = 1.0005;
+
+/// A step that has raised the cost is tried at this share of its length in the next round.
+const SHORTER: f64 = 0.25;
 
 /// Squared length of the last step in standard deviations below which a pixel has converged: half a
 /// deviation (the relative offset of Bates and Watts [@bates1981offset]). Further steps are shorter.
@@ -163,14 +167,14 @@ impl<R: Real, const N: usize> Point<R, N> {
         found
     }
 
-    /// So much of a step from here.
+    /// A step from here.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
-    fn moved(&self, step: &[R; N], share: R) -> Self {
-        let (normal, _) = tilted(self.normal, share * step[0], share * step[1]);
+    fn moved(&self, step: &[R; N]) -> Self {
+        let (normal, _) = tilted(self.normal, step[0], step[1]);
         let mut found = Self { normal, shapes: self.shapes };
         for i in 2..N {
-            found.shapes[i] = share.mul_add(step[i], self.shapes[i]);
+            found.shapes[i] = self.shapes[i] + step[i];
         }
         found
     }
@@ -219,7 +223,7 @@ impl<
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn run(&mut self) {
-        let (zero, half) = (R::zero(), R::of(0.5));
+        let zero = R::zero();
         let estimates = &*self.rounds.estimates;
         let mut here = Point {
             normal: Vec3::new(
@@ -233,42 +237,39 @@ impl<
             let (lobe, shape) = ((i - 2) / M::SHAPES, (i - 2) % M::SHAPES);
             here.shapes[i] = gather(estimates, self.at, |estimate| estimate.shapes[lobe][shape]);
         }
+        let never = R::Mask::splat(false);
         let (mut before, mut step, mut least) = (here, [zero; N], zero);
-        let mut converged = R::Mask::splat(false);
+        let (mut total, mut variance) = (Normal::zero(), zero);
+        let mut converged = never;
         for round in 0..=self.rounds.rounds {
-            let mut cost = self.look(&here);
-            if round > 0 {
-                let most = R::of(RISE) * least;
-                // Written so that a cost that is no number counts as worse.
-                let worse = !cost.le(most);
-                if worse.any() {
-                    here = before.moved(&step, half).or(worse, &here);
-                    cost = self.look(&here);
-                    let still = worse & !cost.le(most);
-                    if still.any() {
-                        here = before.or(still, &here);
-                        cost = self.look(&here);
-                    }
-                    // A pixel whose last step did not help is not at a minimum as far as is known.
-                    converged = converged & !worse;
-                }
-            }
+            let cost = self.look(&here);
+            // Written so that a cost that is no number counts as worse.
+            let worse = if round == 0 { never } else { !cost.le(R::of(RISE) * least) };
             if round == self.rounds.rounds {
-                self.store(&here, cost, converged);
+                let cost = R::select(worse, least, cost);
+                self.store(&before.or(worse, &here), cost, converged & !worse);
                 return;
             }
+            // Where a step has raised the cost, all stays as it was, and the step is tried shorter.
+            let better = !worse;
             let left = self.memory.shown.left(self.rounds.samples, self.at);
-            let variance = self.memory.shown.renew(&left, self.rounds.samples, self.at);
+            let fresh = self.memory.shown.renew(&left, better, self.rounds.samples, self.at);
+            variance = R::select(better, fresh, variance);
             variance.store(&mut self.rounds.variances[self.at..]);
-            self.draw(variance);
-            let total = self.equations(&here.shapes);
+            self.draw(variance, better);
+            let equations = self.equations(&here.shapes);
+            total.replace(better, &equations);
+            least = R::select(better, equations.cost, least);
+            before = here.or(better, &before);
             self.deviations(&total);
-            (before, least) = (here, total.cost);
-            let wish;
-            (step, wish) = self.step(&total, &here);
-            let nothing = R::of(NOTHING_LEFT) * total.cost;
-            converged = wish.le((R::of(OFFSET) * variance).max(nothing));
-            here = here.moved(&step, R::one());
+            let (fresh, wish) = self.step(&total, &before);
+            let shorter = R::of(SHORTER);
+            for i in 0..N {
+                step[i] = R::select(better, fresh[i], step[i] * shorter);
+            }
+            let nothing = R::of(NOTHING_LEFT) * least;
+            converged = better & wish.le((R::of(OFFSET) * variance).max(nothing));
+            here = before.moved(&step);
         }
     }
 
@@ -320,10 +321,10 @@ impl<
         cost
     }
 
-    /// The priors of the shapes where samples have these variances.
+    /// The priors of the shapes where samples have these variances, for pixels of the mask.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
-    fn draw(&mut self, variance: R) {
+    fn draw(&mut self, variance: R, chosen: R::Mask) {
         let Some(prior) = self.rounds.prior else { return };
         let mut variances = [0.0; MAX_LANES];
         variance.store(&mut variances);
@@ -339,7 +340,9 @@ impl<
             }
         }
         for i in 2..N {
-            self.priors[i] = [R::load(&numbers[i][0]), R::load(&numbers[i][1])];
+            for n in 0..2 {
+                self.priors[i][n] = R::select(chosen, R::load(&numbers[i][n]), self.priors[i][n]);
+            }
         }
     }
 

@@ -84,6 +84,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
         let Reweight { photographs, x, y, estimates, ambient, renew, samples, solution, .. } =
             self.0;
         let (zero, one) = (I::F32::zero(), I::F32::one());
+        let everywhere = zero.lt(one);
         let bands = samples.bands;
         let barred = core::array::from_fn(|column| column == K - 1 && !ambient);
         let mut columns = vec![[zero; K]; photographs.len()];
@@ -157,7 +158,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
             let left = shown.left(samples, at);
             shown.deviation(&left).store(&mut solution.residual[at..]);
             let variance = if renew {
-                shown.renew(&left, samples, at)
+                shown.renew(&left, everywhere, samples, at)
             } else {
                 shown.fix_bounds(samples, at);
                 shown.variance(&left)

@@ -98,9 +98,16 @@ impl<R: Real<Scalar = f32>> Shown<R> {
         left.weighted / self.used()
     }
 
-    /// Renews the weights by the residuals; returns the weighted mean square of these.
+    /// Renews the weights of the pixels in the mask by the residuals; returns the weighted mean square
+    /// of these.
     #[inline(always)]
-    pub(super) fn renew(&self, left: &Left<R>, samples: &mut TileSamples, at: usize) -> R {
+    pub(super) fn renew(
+        &self,
+        left: &Left<R>,
+        chosen: R::Mask,
+        samples: &mut TileSamples,
+        at: usize,
+    ) -> R {
         let (zero, unit) = (R::zero(), self.unit());
         let scale = left.absolute / self.used();
         let bend = R::keep(scale.gt(zero), scale.recip());
@@ -115,7 +122,7 @@ impl<R: Real<Scalar = f32>> Shown<R> {
             let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
             let fresh = R::keep(known, fresh);
             let signed = R::select(bound, -fresh, fresh);
-            signed.store(&mut samples.weights[plane * TILE + at..]);
+            R::select(chosen, signed, weight).store(&mut samples.weights[plane * TILE + at..]);
             let residual = sample - shown;
             squares = (fresh * residual).mul_add(residual, squares);
         }
