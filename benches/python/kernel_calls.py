@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import subprocess
 from collections import Counter
 from collections.abc import Iterator
@@ -64,8 +65,18 @@ def places(library: Path, addresses: list[str]) -> dict[str, str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library", nargs="?", type=Path, metavar="LIBRARY")
-    library = parser.parse_args().library or built()
+    library = parser.parse_args().library
+    missing = [tool for tool in ("objdump", "addr2line") if shutil.which(tool) is None]
+    if missing:
+        parser.error(f"{missing[0]} is not installed: install binutils")
+    if library is None:
+        library = built()
+    elif not library.is_file():
+        parser.error(f"{library}: no such file")
     found = list(calls(library))
+    if not found:
+        print(f"{library}: no such calls, or no names of functions (a stripped library)")
+        return
     lines = places(library, [address for _, address in found])
     count = Counter((lines.get(address, "-"), function) for function, address in found)
     rows = [

@@ -42,10 +42,9 @@ class Effort:
         predict photographs: parameters that the samples hardly determine are better left near their
         start. Normals gain from more steps. With ten of both, all but one pixel in a thousand of a
         simulated painting converge, and all but four in a hundred of a gilded icon. With 1, a round
-        is one Gauss-Newton step in the pass that renews the weights: three such rounds take less
-        time than the two rounds of searches of ``"standard"``, at errors up to a twentieth larger.
-        A pixel then counts as converged where its last step was shorter than half a standard
-        deviation.
+        is one Gauss-Newton step in the pass that renews the weights. After three such rounds errors
+        of a simulated painting are up to a twentieth larger than those of ``"standard"``. A pixel
+        then counts as converged where its last step was shorter than half a standard deviation.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth

@@ -142,6 +142,25 @@ impl<R: Real<Scalar = f32>> PixelSamples<R> for TileLanes<'_> {
     }
 }
 
+/// The samples of a band of the pixels from `at` on, beside what [`look`] wrote.
+#[inline(always)]
+fn records<'a, R: Real<Scalar = f32>, M: LobeEstimation, const J: usize>(
+    rounds: &'a FusedRounds<'_, M>,
+    numbers: &'a [f32],
+    band: usize,
+    at: usize,
+) -> Records<'a, R, TileLanes<'a>> {
+    Records {
+        samples: TileLanes { samples: rounds.samples, at },
+        bands: rounds.samples.bands,
+        band,
+        numbers,
+        photographs: rounds.photographs.len(),
+        lobes: J,
+        shapes: M::SHAPES,
+    }
+}
+
 /// A normal and shapes.
 #[derive(Clone, Copy)]
 struct Point<R, const N: usize> {
@@ -291,15 +310,7 @@ impl<
         let mut cost = R::zero();
         self.memory.shown.clear();
         for band in 0..rounds.samples.bands {
-            let seen = Records {
-                samples: TileLanes { samples: rounds.samples, at: self.at },
-                bands: rounds.samples.bands,
-                band,
-                numbers: &self.memory.numbers,
-                photographs: rounds.photographs.len(),
-                lobes: J,
-                shapes: M::SHAPES,
-            };
+            let seen = records::<R, M, J>(rounds, &self.memory.numbers, band, self.at);
             let (colours, _) = bounds::solve(&seen, &self.barred, &mut self.memory.bounded);
             for photograph in 0..rounds.photographs.len() {
                 let (columns, weight, sample): ([R; K], R, R) = seen.at(photograph);
@@ -352,15 +363,7 @@ impl<
         let rounds = &*self.rounds;
         let mut total = Normal::zero();
         for band in 0..rounds.samples.bands {
-            let seen = Records {
-                samples: TileLanes { samples: rounds.samples, at: self.at },
-                bands: rounds.samples.bands,
-                band,
-                numbers: &self.memory.numbers,
-                photographs: rounds.photographs.len(),
-                lobes: J,
-                shapes: M::SHAPES,
-            };
+            let seen = records::<R, M, J>(rounds, &self.memory.numbers, band, self.at);
             let bounded = &mut self.memory.bounded;
             add_band::<R, M, _, J, K, N>(&mut total, &seen, &self.barred, bounded);
         }
