@@ -39,7 +39,9 @@ from killed_jobs import tree
 
 STEPS = ("open", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "link", "truncate")
 """Functions of ``os``; writes come on top."""
-LOCK = "job/lock"
+LOCKS = {"job/lock", "merge/lock"}
+LAST = 3
+"""Steps after a store has got its name: its lock goes, two folders are flushed."""
 ERRORS = (errno.ENOSPC, errno.EIO)
 OPTIONS: dict[str, Any] = {"pooling": "none", "normals": "least-squares", "tile": 16, "threads": 1}
 
@@ -228,7 +230,7 @@ class Seen:
 
 
 def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
-    """Let every step of a call fail, or every so manieth from the first and up to the last."""
+    """Let every step of a call fail, or every so manieth from the first, and its last ones."""
     seen = Seen()
     whole = folder / f"whole{suffix}"
     call.prepare(whole)
@@ -236,7 +238,8 @@ def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
         call.write(whole)
     seen.steps = steps.count
     expected = content(whole)
-    chosen = sorted({*range(1, seen.steps + 1, every), seen.steps})
+    last = range(max(1, seen.steps - LAST), seen.steps + 1)
+    chosen = sorted({*range(1, seen.steps + 1, every), *last})
     for number in chosen:
         one = folder / "one"
         one.mkdir()
@@ -287,8 +290,8 @@ def _one(
         seen.ignored[steps.failed.split()[0]] += 1
     else:
         seen.endings["the error"] += 1
-    # A finished job loses its lock after it got its name; the next call takes it away.
-    if out.exists() and {n: c for n, c in content(out).items() if n != LOCK} != expected:
+    # A finished store loses its lock after it got its name; the next call takes it away.
+    if out.exists() and {n: c for n, c in content(out).items() if n not in LOCKS} != expected:
         wrong("something is there that is not whole")
     if ended is None and not out.exists():
         wrong("there is no error, and no result")
