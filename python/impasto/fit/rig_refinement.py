@@ -417,8 +417,9 @@ class _Search:
         if strengths.accepted:
             strengths = replace(strengths, found=state.spread)
         report = RigRefinement(
-            camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind)
-        )
+            camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind),
+            self._stack.rig.known_pitch_mm is not None,
+        )  # fmt: skip
         untouched = not free.any() and kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
 
@@ -575,7 +576,10 @@ class _Search:
             for free, reason in zip(self._free, self._why, strict=True)
         )
         strengths = Estimate(1.0, False, why if self._strengths else "not estimated")
-        report = RigRefinement(camera, lamps, strengths, self._half, 0.0, 0.0, _open("given"))
+        known = self._stack.rig.known_pitch_mm is not None
+        report = RigRefinement(
+            camera, lamps, strengths, self._half, 0.0, 0.0, _open("given"), known
+        )
         return Rig(self._stack.rig, refinement=report)
 
 

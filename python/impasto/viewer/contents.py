@@ -214,6 +214,15 @@ class Contents:
         return count * len(self._paintings)
 
     @property
+    def lacks(self) -> tuple[str, ...]:
+        """Which of ``"width"`` of a pixel and ``"spectra"`` a caller could add."""
+        document = self.document
+        if "basis" in document:
+            return ()
+        lacking = document["pitch"] is None, "adaptation" not in document["colours"]
+        return tuple(name for name, one in zip(("width", "spectra"), lacking, strict=True) if one)
+
+    @property
     def empty(self) -> bool:
         """Whether no pixel of the painting has an estimate, as far as its smallest scale tells."""
         scale = self._scales[-1]
@@ -302,7 +311,7 @@ def _painting(
     if height is not None:
         raise ArgumentError(f"height: that of a {what} cannot be given")
     if isinstance(result, StoredSbrdf):
-        return painting_of_store(result, camera, threads)
+        return painting_of_store(result, camera, pitch, threads)
     return RelightablePainting(result)
 
 

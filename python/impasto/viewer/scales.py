@@ -190,6 +190,8 @@ class ScalesOfStore:
         Numbers of the bands that are shown; None: all.
     spectra
         Makes spectra of the bands; None: bands are shown.
+    pitch_mm
+        Width of a pixel, for heights; None: that of the store.
 
     Raises
     ------
@@ -202,6 +204,7 @@ class ScalesOfStore:
         stored: StoredSbrdf,
         bands: list[int] | None,
         spectra: ReflectanceEstimator | None = None,
+        pitch_mm: float | None = None,
     ) -> None:
         rows, columns = stored.shape
         if not stored.factors and rows * columns > LOADED:
@@ -210,6 +213,7 @@ class ScalesOfStore:
                 "impasto job run makes stores that do"
             )
         self._stored, self._bands, self._spectra = stored, bands, spectra
+        self._pitch = pitch_mm or stored.pitch_mm or 1.0
         self.quality = tuple(name for name in QUALITY if name in stored.map_names)
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
         self._last = factor = max(shapes)
@@ -262,8 +266,7 @@ class ScalesOfStore:
             normal = self._without_height(scale, whole).surface.normal
         if int((normal[2] > 0).sum()) < FEWEST:
             return np.zeros(scale.shape, np.float32)
-        width = (self._stored.pitch_mm or 1.0) * scale.factor
-        return integrate_normals(normal, width, level=True)
+        return integrate_normals(normal, self._pitch * scale.factor, level=True)
 
     def _read(self, scale: Scale, window: Window) -> Part:
         one: Any

@@ -42,12 +42,15 @@ class Site:
         Bytes of all files.
     script
         Bytes of the script and the style of the page.
+    lacks
+        Which of ``"width"`` of a pixel and ``"spectra"`` the page does not have.
     """
 
     path: Path
     files: int
     size: int
     script: int
+    lacks: tuple[str, ...] = ()
 
 
 def write_site(
@@ -155,7 +158,7 @@ def write_site(
             done += len(some)
             if callback is not None:
                 callback(done, len(names))
-    return Site(target, len(names), size, page)
+    return Site(target, len(names), size, page, contents.lacks)
 
 
 def _content(contents: Contents, name: str) -> bytes:

@@ -128,11 +128,12 @@ class SurfacePainting:
 
 
 def painting_of_store(
-    stored: StoredSbrdf, camera: Camera | None, threads: int | None
+    stored: StoredSbrdf, camera: Camera | None, pitch: float | None, threads: int | None
 ) -> SurfacePainting:
     """Of a store of any size: no map is read before a tile is asked for.
 
     ``camera``: of the photographs; spectra are estimated of the tiles that are looked at.
+    ``pitch``: width of a pixel in mm, if the caller says it.
     """
     count = len(stored.bands)
     spectra = None if camera is None else ReflectanceEstimator(camera, stored.bands)
@@ -141,12 +142,12 @@ def painting_of_store(
         chosen = [count - 1, count // 2, 0]
     # Jobs keep the statistics that a plan needs; of another store every map would be read.
     kept = stored.has_statistics and chosen is None and spectra is None
-    maps = ScalesOfStore(stored, chosen, spectra)
+    maps = ScalesOfStore(stored, chosen, spectra, pitch)
     return SurfacePainting(
         maps=maps,
         planned=partial(stored.plan, _first_scene(), threads=threads) if kept else None,
-        eye=stored[:1, :1].eye(),
-        pitch_mm=stored.pitch_mm,
+        eye=stored[:1, :1].eye_in_mm(pitch),
+        pitch_mm=stored.known_pitch_mm if pitch is None else pitch,
         origin=[float(value) for value in stored.rig.origin],
         bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
         reflectance=spectra,
@@ -182,8 +183,8 @@ def painting_in_memory(
     return SurfacePainting(
         maps=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
         planned=partial(plan, lit, scene, reflectance=spectra, fidelity="model", threads=threads),
-        eye=lit.eye(),
-        pitch_mm=surface.pitch_mm,
+        eye=lit.eye_in_mm(pitch),
+        pitch_mm=lit.known_pitch_mm if pitch is None else pitch,
         origin=[float(value) for value in surface.origin],
         bands=[str(name) for name in getattr(lit, "bands", ())],
         reflectance=spectra,
