@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -121,10 +121,19 @@ class SurfacePainting:
         """Whether any pixel of a part has a normal."""
         return bool(np.isfinite(self.maps.part(scale, part).surface.normal).all(axis=0).any())
 
-    def tile(self, scale: Scale, part: Window) -> bytes:
-        """A part as the page reads it."""
-        found = self.maps.part(scale, part)
-        return self.layout.tile(found.surface, found.status, found.beneath, found.quality)
+    def tiles(self, scale: Scale, parts: Sequence[Window]) -> Iterator[bytes]:
+        """Parts as the page reads them; what lies around all of them is read once."""
+        top, left = (min(part[axis].start for part in parts) for axis in (0, 1))
+        below, beside = (max(part[axis].stop for part in parts) for axis in (0, 1))
+        around = self.maps.part(scale, (slice(top, below), slice(left, beside)))
+        layout = self.layout
+        for rows, columns in parts:
+            own = (
+                slice(rows.start - top, rows.stop - top),
+                slice(columns.start - left, columns.stop - left),
+            )
+            found = around.cut(own)
+            yield layout.tile(found.surface, found.status, found.beneath, found.quality)
 
 
 def painting_of_store(
