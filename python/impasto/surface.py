@@ -78,8 +78,9 @@ class Relightable(ABC):
         nobody knows how wide they are.
         """
         eye, own = self.eye(), self.surface().pitch_mm
-        known = pitch_mm is None or own is None or self.known_pitch_mm is not None
-        if known or not isinstance(eye, PointView):
+        if pitch_mm is None or own is None or self.known_pitch_mm is not None:
+            return eye
+        if not isinstance(eye, PointView):
             return eye
         x, y, z = (value * pitch_mm / own for value in eye.position)
         return PointView((x, y, z))

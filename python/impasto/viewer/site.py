@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
@@ -166,7 +166,7 @@ def write_site(
     return Site(target, done, size, page, contents.lacks)
 
 
-def _made(contents: Contents, threads: int) -> Iterator[dict[str, bytes]]:
+def _made(contents: Contents, threads: int) -> Generator[dict[str, bytes], None, None]:
     """All files, as many at a time as reach the disk together, or as are made together.
 
     One block more than there are threads is under way or waits to be written.

@@ -12,7 +12,7 @@ import { placeOf, textOf } from "./annotations.js";
 
 export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${sideOf(azimuth)}`}, ${degrees(elevation)} high`;
 
-export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°`;
+export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}${rotation ? `, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°` : ""}`;
 
 // The direction of the lamp: that of a photograph, while one is beside the picture.
 const lampOf = (app, state) => (state.photograph < 0 ? state : anglesOf(app.renderer.geometry(state).towards));
@@ -244,8 +244,8 @@ function compareSection(app, updates) {
     hint.hidden = none;
     scale.hidden = none || !picture || state.compare !== "difference";
     itself.textContent = state.against ? title : "Photograph";
-    hint.textContent = !state.against ? "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line."
-      : app.beside ? `Left of the line ${doc.title || "the picture"}; right of it ${title}, in the same lamp. Drag the line.` : `${title} has no such layer.`;
+    const left = state.against ? doc.title || "the picture" : "the picture in the lamp of the photograph", right = state.against ? title : "the photograph";
+    hint.textContent = state.against && !app.beside ? `${title} has no such layer.` : `Left of the line ${left}, right of it ${scale.hidden ? right : "the difference"}. Drag the line.`;
     // What is beside the picture says here what it is, also where a link shows it.
     if (alone && !none) unfold(made);
     alone = none;

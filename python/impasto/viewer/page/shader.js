@@ -321,8 +321,9 @@ ${displaced ? `  int cell = gl_VertexID / 6, corner = gl_VertexID % 6;
   // Two triangles: corners 0 1 2 and 2 1 3.
   int which = corner < 3 ? corner : corner == 3 ? 2 : corner == 4 ? 1 : 3;
   ivec2 node = ivec2(cell % uCells, cell / uCells) + ivec2(which & 1, which >> 1);
-  vTexture = vec2(node) / float(uCells);
-  ivec2 texel = min(ivec2(vTexture * vec2(uTexels)), uTexels - 1);
+  // A pixel beyond each edge: tiles that stand at other heights there show no gap.
+  vTexture = (vec2(node) / float(uCells) - 0.5) * (1.0 + 2.0 / vec2(uTexels)) + 0.5;
+  ivec2 texel = clamp(ivec2(vTexture * vec2(uTexels)), ivec2(0), uTexels - 1);
   float height = texelFetch(uHeights, ivec3(texel, ${at >> 2}), 0).${"xyzw"[at & 3]};` : `  vTexture = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));`}
   vec2 place = uTile.xy + vTexture * uTile.zw;
   vPainting = place / uSize;
