@@ -22,7 +22,7 @@ from impasto._internal.checks import (
     picked,
     positive,
 )
-from impasto._internal.quarter_turns import quarter_turns_of, rotated_rows, rotated_vector
+from impasto._internal.rotation import quarter_turns_of, rotated_rows, rotated_vector
 from impasto._internal.thin_plate import over_directions
 from impasto.errors import ArgumentError, GeometryError
 from impasto.refinement import RigRefinement

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
-from impasto._internal.quarter_turns import quarter_turns_of
+from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding

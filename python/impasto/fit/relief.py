@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.direct_light import DirectStack, Places
-from impasto._internal.quarter_turns import rotated_vector
+from impasto._internal.rotation import rotated_vector
 from impasto._internal.windows import rotated_map
 from impasto.fit.normals import fit_normals
 from impasto.fit.saved import over

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, picked
-from impasto._internal.quarter_turns import quarter_turns_of
+from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
