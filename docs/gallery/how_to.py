@@ -26,7 +26,8 @@ from impasto.pictures import (
     ramp_panel,
     status_panel,
 )
-from impasto.pictures.diagrams import AMBER, BLUE, FAINT, INK
+from impasto.pictures.diagrams import AMBER, BLUE
+from impasto.pictures.panels import FAINT, INK
 
 WIDTH = 720
 """Columns of a picture, as wide as the page's text."""
