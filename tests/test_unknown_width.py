@@ -97,6 +97,22 @@ def test_the_page_has_a_scale_only_where_it_is_known(
     assert "no colour of the light" not in said
 
 
+def test_heights_say_their_unit(
+    fitted: impasto.Sbrdf, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a.npz", "a.impasto.zarr"):
+        fitted.save(tmp_path / name)
+        words = ["height", str(tmp_path / name), "--out", str(tmp_path / "a.tif")]
+        assert main(words) == 0
+        assert "in pixels: --pitch says" in " ".join(capsys.readouterr().err.split())
+        unit = impasto.io.read_image(tmp_path / "a.tif")
+        assert main([*words, "--pitch", "0.25"]) == 0
+        assert "in mm" in capsys.readouterr().err
+        found = impasto.io.read_image(tmp_path / "a.tif")
+        # Heights are lengths: a quarter, but for the last bits of single precision.
+        assert np.allclose(found, 0.25 * unit, atol=1e-6 * np.abs(unit).max())
+
+
 def test_exports_say_that_a_size_stands_in(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
     assert Source(fitted).pitch_mm is None
     report = export.to("gltf", fitted, tmp_path / "a.glb")
