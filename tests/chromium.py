@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,7 @@ class Chromium:
         os.close(into_browser)
         os.close(from_browser)
         self._number, self._left = 0, b""
+        self._fingers: tuple[tuple[float, float], ...] = ()
         self._session: str | None = None
         self._theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._size = size
@@ -164,6 +166,40 @@ class Chromium:
                 type=kind, x=x, y=y, button="left", buttons=int(kind != "mouseReleased"),
                 clickCount=1,
             )  # fmt: skip
+
+    def touch(self, *fingers: tuple[float, float]) -> None:
+        """Fingers on the screen: as many are moved, more are put down, none lifts all."""
+        before, self._fingers = self._fingers, fingers
+        kind = "touchMove" if len(before) == len(fingers) else "touchStart"
+        if not fingers:
+            kind = "touchEnd"
+        points = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(fingers)]
+        self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    def write(self, text: str) -> None:
+        """Text into what has the focus."""
+        self.call("Input.insertText", text=text)
+
+    def saved(self, folder: Path, save: Callable[[], None]) -> Path:
+        """The file that something saves, once it is whole."""
+        folder.mkdir()
+        self.call(
+            "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder.resolve())
+        )
+        save()
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            found = [one for one in folder.iterdir() if one.suffix != ".crdownload"]
+            if found and len(found) == len(list(folder.iterdir())):
+                return found[0]
+            time.sleep(0.02)
+        raise TimeoutError(f"nothing was saved within {PATIENCE:g} s")
+
+    def choose_file(self, selector: str, path: Path) -> None:
+        """Give a file to the field of a form, as its dialog does."""
+        element = f"document.querySelector({json.dumps(selector)})"
+        found = self.call("Runtime.evaluate", expression=element)["result"]["objectId"]
+        self.call("DOM.setFileInputFiles", files=[str(path)], objectId=found)
 
     def click(self, selector: str) -> None:
         """Click on the middle of an element."""

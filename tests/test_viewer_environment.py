@@ -189,3 +189,22 @@ def test_what_is_no_environment_is_refused() -> None:
     assert made is not None
     with pytest.raises(IndexError):
         made()
+
+
+def test_the_page_is_ready_when_the_tables_of_a_room_are(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    """However long the room takes to load."""
+    write_site(surfaces()["one pair"][0], tmp_path / "site")
+    browser.open((tmp_path / "site" / "index.html").as_uri())
+    seen = browser.value(
+        "(async () => { const { viewer } = window.impasto, kept = viewer.source.environment;"
+        " const wait = ms => new Promise(done => setTimeout(done, ms));"
+        " viewer.source.environment = number => wait(400).then(() => kept(number));"
+        " viewer.set({ environment: 'gallery' }); await wait(200);"
+        " const early = document.documentElement.dataset.ready ?? null;"
+        " while (!document.documentElement.dataset.ready) await wait(5);"
+        " const { prefilter } = viewer.renderer;"
+        " return [early, prefilter?.shown?.quality ?? null, prefilter?.busy ?? null]; })()"
+    )
+    assert seen == [None, "resting", False]

@@ -157,7 +157,8 @@ def test_the_page_may_load_nothing_from_elsewhere(page: ViewServer) -> None:
 def test_the_page_is_small() -> None:
     """What must arrive before anything is shown, besides the maps."""
     assert len(script().encode()) + len(style().encode()) < LARGEST_PAGE
-    assert script("module").rstrip().endswith("export { mount };")
+    assert len(script("notebook").encode()) < LARGEST_PAGE, "with the style in it"
+    assert script("module").rstrip().endswith("export { mount, pageHost, scriptSource };")
     assert "import " not in re.sub(r"//.*", "", script())
 
 

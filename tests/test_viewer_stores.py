@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -153,6 +154,49 @@ def test_a_tile_reads_its_own_window_alone(store: Path, monkeypatch: pytest.Monk
     assert effects is not None
     assert {one["name"] for one in json.loads(effects())} >= {"diffuse", "ambient"}
     assert "statistics" in whole
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_page_reads_each_pixel_once_and_has_the_tiles_that_are_served(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threads: int
+) -> None:
+    """A window is read for all tiles in it; a tile alone, as the server makes it, is the oracle."""
+    read, sizes = stored_maps.read_window, []
+
+    def reading(path: Path, array: Any, rows: slice, columns: slice) -> Any:
+        if array.name == "normal":
+            sizes.append((rows.stop - rows.start) * (columns.stop - columns.start))
+        return read(path, array, rows, columns)
+
+    monkeypatch.setattr(stored_maps, "read_window", reading)
+    folder = tmp_path / "site"
+    done: list[int] = []
+    site = write_site(
+        impasto.open_sbrdf(store), folder, threads=threads, progress=lambda at, _: done.append(at)
+    )
+    # One pixel more is read before, for what is no map.
+    assert sum(size for size in sizes if size > 1) == ROWS * COLUMNS
+    contents = Contents(impasto.open_sbrdf(store))
+    names = list(contents.names())
+    assert site.files == len(names) == done[-1]
+    assert sum("tiles/0/" in name for name in names) == 9
+    for name in names:
+        make = contents.file(name)
+        assert make is not None
+        assert (folder / name).read_bytes() == make(), name
+
+
+def test_a_page_of_a_damaged_store_is_not_written(store: Path, tmp_path: Path) -> None:
+    """A fault in one of several threads ends the others and leaves nothing."""
+    damaged = tmp_path / "a.impasto.zarr"
+    shutil.copytree(store, damaged)
+    chunk = next(one for one in (damaged / "diffuse" / "c").rglob("*") if one.is_file())
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    chunk.write_bytes(data)
+    with pytest.raises(impasto.CorruptInputError, match="diffuse"):
+        write_site(impasto.open_sbrdf(damaged), tmp_path / "site", threads=3)
+    assert [one.name for one in tmp_path.iterdir()] == ["a.impasto.zarr"]
 
 
 def test_one_tile_holds_the_whole_of_any_store(store: Path) -> None:

@@ -222,7 +222,8 @@ class Renderer:
         self._metallic = cache(lambda: metallic(surface.surface()))
         self._pitch = self._lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
         self._threads = thread_count(threads)
-        self._eye = surface.eye()
+        self._eye = surface.eye_in_mm(pitch_mm)
+        self._in_mm = pitch_mm is not None or surface.known_pitch_mm is not None
         self._wanted = adapter
         self._uploaded = self._upload(self._lit)
         self._varnish: Varnish | None = None
@@ -302,7 +303,7 @@ class Renderer:
             raise ArgumentError(
                 f"scene: it has {found}, but the renderer has no relief; make it with shadows=True"
             )
-        if self._pitch is None:
+        if not self._in_mm:
             check_pitchless(scene)
         # A varnish has a lobe of its own.
         coated = self._lit

@@ -133,9 +133,9 @@ def prepare(
     if camera is not None:
         checked_camera(camera)
     lit = surface.surface()
-    pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
-    if pitch is None:
+    if pitch_mm is None and surface.known_pitch_mm is None:
         check_pitchless(scene)
+    pitch = lit.pitch_mm if pitch_mm is None else length_mm(pitch_mm, "pitch_mm")
     pitch = 1.0 if pitch is None else pitch
     if reflectance is None:
         reflectance = surface.spectra()
@@ -156,7 +156,7 @@ def prepare(
     if reduce != 1:
         lit, relief = reduced(lit, relief, reduce, threads)
         pitch *= reduce
-    eye = surface.eye() if scene.view is None else scene.view
+    eye = surface.eye_in_mm(pitch_mm) if scene.view is None else scene.view
     whole = rig_of(scene, eye, pitch, lit)
     arguments, exposure = arranged(lit, scene, whole, eye, reflectance, threads)
     return Prepared(

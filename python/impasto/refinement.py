@@ -48,6 +48,8 @@ class RigRefinement:
         photograph with a strength of its own.
     open
         What the photographs do not determine: held as given.
+    in_mm
+        Whether lengths of the rig are in mm; False: in pixels, as nobody has said how wide one is.
     """
 
     camera: Estimate
@@ -57,6 +59,7 @@ class RigRefinement:
     gain: float
     scatter: float
     open: tuple[str, ...]
+    in_mm: bool = True
 
     @property
     def accepted(self) -> bool:

@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import (
     FARTHEST_MM,
-    is_whole,
     length_mm,
     number,
     numbers,
     picked,
     positive,
 )
+from impasto._internal.rotation import quarter_turns_of, rotated_rows, rotated_vector
 from impasto._internal.thin_plate import over_directions
 from impasto.errors import ArgumentError, GeometryError
 from impasto.refinement import RigRefinement
@@ -264,9 +264,19 @@ class Rig:
         near = int(self.near.sum())
         lights = f"{len(self)} light{'s' * (len(self) != 1)}"
         close = f", {near} of them near" if near else ""
-        pitch = "" if self.pitch_mm is None else f", pixels of {self.pitch_mm:g} mm"
+        known = self.known_pitch_mm
+        pitch = "" if known is None else f", pixels of {known:g} mm"
         refined = "" if self.refinement is None else ", refined"
         return f"<Rig {lights}{close}{pitch}{refined}>"
+
+    @property
+    def known_pitch_mm(self) -> float | None:
+        """Width of a pixel in mm; None where nobody has said it.
+
+        :func:`impasto.refine_rig` then counts lengths in pixels, and ``pitch_mm`` is 1.
+        """
+        in_pixels = self.refinement is not None and not self.refinement.in_mm
+        return None if in_pixels else self.pitch_mm
 
     @property
     def directions(self) -> NDArray[np.float64]:
@@ -452,28 +462,6 @@ def seen_from_front(rig: Rig) -> None:
             f"views: all {len(rig)} views lie behind the painting (z <= 0, highest {highest:.3g}), "
             "where no front is seen; z points to the viewer: check the sign of z"
         )
-
-
-def quarter_turns_of(value: Any) -> int:
-    """0 to 3 quarter turns counterclockwise, from any whole number."""
-    if not is_whole(value):
-        raise ArgumentError(f"quarter_turns: expected a whole number, found {value!r}")
-    return int(value) % 4
-
-
-def rotated_vector(vector: tuple[float, float, float], turns: int) -> tuple[float, float, float]:
-    """A vector after quarter turns counterclockwise about z."""
-    x, y, z = vector
-    for _ in range(turns):
-        x, y = -y, x
-    return x, y, z
-
-
-def rotated_rows(vectors: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
-    """Vectors ``(n, 3)`` after quarter turns counterclockwise about z."""
-    return np.array(
-        [rotated_vector((x, y, z), turns) for x, y, z in vectors.tolist()], dtype=np.float64
-    )
 
 
 def _rotated_light(light: Light, turns: int) -> Light:

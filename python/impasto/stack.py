@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
+from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoWarning
-from impasto.rig import Light, Rig, Views, quarter_turns_of
+from impasto.rig import Light, Rig, Views
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""

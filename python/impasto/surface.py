@@ -66,6 +66,25 @@ class Relightable(ABC):
         """From where pictures show it unless a scene says so."""
         return FRONTAL
 
+    @property
+    def known_pitch_mm(self) -> float | None:
+        """Width of a pixel in mm; None where nobody has said it."""
+        return self.surface().pitch_mm
+
+    def eye_in_mm(self, pitch_mm: float | None) -> tuple[float, float, float] | PointView:
+        """From where pictures show it, where the caller says how wide a pixel is.
+
+        That is where :meth:`eye` says, but for a place that is counted in pixels as long as
+        nobody knows how wide they are.
+        """
+        eye, own = self.eye(), self.surface().pitch_mm
+        if pitch_mm is None or own is None or self.known_pitch_mm is not None:
+            return eye
+        if not isinstance(eye, PointView):
+            return eye
+        x, y, z = (value * pitch_mm / own for value in eye.position)
+        return PointView((x, y, z))
+
     def spectra(self) -> Any:
         """What has its ``coefficients``, ``basis`` and ``wavelengths``; None if none are known."""
         return None

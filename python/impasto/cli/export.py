@@ -220,6 +220,7 @@ def web(
         own_environments,
         painting_beside,
         photographs_beside,
+        say_lacking,
         say_notes,
         shown_result,
     )
@@ -250,6 +251,7 @@ def web(
             **other,
         )
         stage.note = f"{out}: {site.files} files, {site.size / 1e6:.1f} MB"
+    say_lacking(site.lacks, stages)
     stages.say(f"  {'':14}[dim]open {escape(str(out / 'index.html'))} in a browser[/]")
 
 

@@ -81,4 +81,6 @@ def height(
                 heights[None, top : top + TIFF_TILE] for top in range(0, len(heights), TIFF_TILE)
             )
             write_tiff_rows(out, rows, heights.shape, planes=1, dtype=np.float32)
-        stage.note = str(out)
+        in_mm = pitch is not None or part.surface.known_pitch_mm is not None
+        unit = "in mm" if in_mm else "in pixels: --pitch says how wide one is"
+        stage.note = f"{out}, {unit}"

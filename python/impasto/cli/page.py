@@ -58,6 +58,19 @@ def say_notes(painting: Any, stages: Stages) -> None:
         stages.say(f"  {'':14}[dim]{escape(note)}[/]")
 
 
+LACKING = {
+    "width": "no lengths in mm: --pitch says how wide a pixel is",
+    "spectra": "no colour of the light and no varnish: --camera makes spectra",
+}
+"""Which option brings what a page lacks."""
+
+
+def say_lacking(lacks: Sequence[str], stages: Stages) -> None:
+    """What a page does not have, and which option would bring it."""
+    for name in lacks:
+        stages.say(f"  {'':14}[dim]{LACKING[name]}[/]")
+
+
 def camera_for_page(camera: str | None, illuminant: str | None) -> Any:
     """The camera of a page's spectra, or None.
 

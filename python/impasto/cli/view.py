@@ -74,6 +74,7 @@ def view(
         painting_beside,
         photographs_beside,
         say_empty,
+        say_lacking,
         say_notes,
         shown_result,
     )
@@ -107,5 +108,6 @@ def view(
         )
         stage.note = f"{contents.tiles} tiles"
     say_empty(contents, result, stages)
+    say_lacking(contents.lacks, stages)
     hint = "Ctrl-C here ends it"
     return serve(ViewServer(contents, port), stages, hint, no_browser=no_browser)

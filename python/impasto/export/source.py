@@ -56,7 +56,7 @@ class Source:
                 f"impasto.Surface, found {type(self.result).__name__}"
             )
         pitch = self.pitch_mm
-        known = self.result.surface().pitch_mm if pitch is None else length_mm(pitch, "pitch_mm")
+        known = self.result.known_pitch_mm if pitch is None else length_mm(pitch, "pitch_mm")
         object.__setattr__(self, "pitch_mm", known)
         object.__setattr__(self, "result", visible(self.result, self.spectra))
 

@@ -53,7 +53,7 @@ class StoredSource:
 
     def __post_init__(self) -> None:
         pitch = self.pitch_mm
-        known = self.stored.pitch_mm if pitch is None else length_mm(pitch, "pitch_mm")
+        known = self.stored.known_pitch_mm if pitch is None else length_mm(pitch, "pitch_mm")
         object.__setattr__(self, "pitch_mm", known)
 
     @property

@@ -57,10 +57,10 @@ def labelled(result: Any, rig: Any, bands: Sequence[str], attributes: dict[str, 
         flag_meanings=" ".join(status.name.lower() for status in Status),
     )
     coordinates: dict[str, Any] = {"band": list(bands), "axis": ["x", "y", "z"]}
-    if rig.pitch_mm is not None:
+    if rig.known_pitch_mm is not None:
         height, width = result.shape
         x, y = rig.origin
-        across = (np.arange(width) - (width - 1) / 2 + x) * rig.pitch_mm
-        up = ((height - 1) / 2 - np.arange(height) + y) * rig.pitch_mm
+        across = (np.arange(width) - (width - 1) / 2 + x) * rig.known_pitch_mm
+        up = ((height - 1) / 2 - np.arange(height) + y) * rig.known_pitch_mm
         coordinates |= {"x": ("x", across, {"units": "mm"}), "y": ("y", up, {"units": "mm"})}
     return xarray.Dataset(variables, coords=coordinates, attrs=numbers)

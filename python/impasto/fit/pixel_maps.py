@@ -9,8 +9,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.windows import offset, rotated_map, window
-from impasto.rig import Rig, quarter_turns_of
+from impasto.rig import Rig
 
 ChangeMap = Callable[[NDArray[Any], tuple[str, ...]], NDArray[Any]]
 

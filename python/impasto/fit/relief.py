@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.direct_light import DirectStack, Places
+from impasto._internal.rotation import rotated_vector
 from impasto._internal.windows import rotated_map
 from impasto.fit.normals import fit_normals
 from impasto.fit.saved import over
 from impasto.height import integrate_normals
 from impasto.io.results import SavedMaps
-from impasto.rig import Rig, rotated_vector
+from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.surface import Surface
 

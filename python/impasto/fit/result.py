@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, picked
+from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import wait_for
 from impasto._internal.windows import place
@@ -31,7 +32,7 @@ from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.level import Level
 from impasto.picture import Fidelity
 from impasto.render import render
-from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views, quarter_turns_of
+from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status
@@ -99,8 +100,13 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
 
     @property
     def pitch_mm(self) -> float | None:
-        """Width of a pixel on the painting in mm, if known."""
+        """Width of a pixel in the unit of the rig: mm, or pixels as in ``known_pitch_mm``."""
         return self.rig.pitch_mm
+
+    @property
+    def known_pitch_mm(self) -> float | None:
+        """Width of a pixel in mm; None where nobody has said it, also where the rig is refined."""
+        return self.rig.known_pitch_mm
 
     def predict(
         self,

@@ -224,7 +224,7 @@ class _Search:
         rig = stack.rig
         height, width = stack.shape[2:]
         pitch = 1.0 if rig.pitch_mm is None else rig.pitch_mm
-        self._given = Rig(rig, pitch_mm=pitch)
+        self._given, self._in_mm = Rig(rig, pitch_mm=pitch), rig.known_pitch_mm is not None
         self._stack, self._index, self._threads = stack, index, threads
         self._half = 0.5 * pitch * max(height, width)
         self._falloff, self._strengths = falloff, strengths
@@ -416,9 +416,8 @@ class _Search:
         )
         if strengths.accepted:
             strengths = replace(strengths, found=state.spread)
-        report = RigRefinement(
-            camera, lamps, strengths, self._half, total.gain, total.scatter, _open(kind)
-        )
+        found = (camera, lamps, strengths, self._half, total.gain, total.scatter)
+        report = RigRefinement(*found, _open(kind), self._in_mm)
         untouched = not free.any() and kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
 
@@ -575,7 +574,9 @@ class _Search:
             for free, reason in zip(self._free, self._why, strict=True)
         )
         strengths = Estimate(1.0, False, why if self._strengths else "not estimated")
-        report = RigRefinement(camera, lamps, strengths, self._half, 0.0, 0.0, _open("given"))
+        report = RigRefinement(
+            camera, lamps, strengths, self._half, 0.0, 0.0, _open("given"), self._in_mm
+        )
         return Rig(self._stack.rig, refinement=report)
 
 

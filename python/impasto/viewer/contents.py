@@ -6,6 +6,7 @@ import base64
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import Any, Protocol, TypedDict
 
 from numpy.typing import ArrayLike
@@ -87,8 +88,8 @@ class Painting(Protocol):
     def known(self, scale: Scale, part: Window) -> bool:
         """Whether anything is known of a part."""
 
-    def tile(self, scale: Scale, part: Window) -> bytes:
-        """A part as the page reads it.
+    def tiles(self, scale: Scale, parts: Sequence[Window]) -> Iterator[bytes]:
+        """Parts, near each other, as the page reads them.
 
         Raises
         ------
@@ -214,6 +215,15 @@ class Contents:
         return count * len(self._paintings)
 
     @property
+    def lacks(self) -> tuple[str, ...]:
+        """Which of ``"width"`` of a pixel and ``"spectra"`` a caller could add."""
+        document = self.document
+        if "basis" in document:
+            return ()
+        lacking = document["pitch"] is None, "adaptation" not in document["colours"]
+        return tuple(name for name, one in zip(("width", "spectra"), lacking, strict=True) if one)
+
+    @property
     def empty(self) -> bool:
         """Whether no pixel of the painting has an estimate, as far as its smallest scale tells."""
         scale = self._scales[-1]
@@ -223,16 +233,33 @@ class Contents:
 
     def names(self) -> Iterator[str]:
         """The names of all files; those of the page first."""
-        yield from ("index.html", "style.css", "viewer.js", "document.js", "effects.js")
+        return chain.from_iterable(self.together())
+
+    def together(self) -> Iterator[list[str]]:
+        """The same, those together that :meth:`files` makes at a time."""
         rooms = 0 if self._environments is None else len(self._environments)
-        yield from (f"environments/{number}.js" for number in range(rooms))
-        yield from (f"photographs/{number}.js" for number in range(len(self._photographs)))
+        for name in (
+            "index.html", "style.css", "viewer.js", "document.js", "effects.js",
+            *(f"environments/{number}.js" for number in range(rooms)),
+            *(f"photographs/{number}.js" for number in range(len(self._photographs))),
+        ):  # fmt: skip
+            yield [name]
         for number, scale in reversed(list(enumerate(self._scales))):
-            rows, columns = scale.tiles
             for folder in ("", AGAINST)[: len(self._paintings)]:
-                for row in range(rows):
-                    tiles = f"{folder}tiles/{number}/{row}"
-                    yield from (f"{tiles}-{column}.js" for column in range(columns))
+                for block in scale.blocks():
+                    yield [f"{folder}tiles/{number}/{row}-{column}.js" for row, column in block]
+
+    def files(self, names: Sequence[str]) -> dict[str, bytes]:
+        """What files hold that are of one of :meth:`together`."""
+        tiles = [TILE.fullmatch(name.removesuffix(".js")) for name in names]
+        if tiles[0] is None:
+            made = {name: self.file(name) for name in names}
+            return {name: make() for name, make in made.items() if make is not None}
+        places = [tuple(map(int, found.groups()[1:])) for found in tiles if found is not None]
+        which, scale = int(tiles[0][1] is not None), self._scales[places[0][0]]
+        parts = [scale.window(row, column) for _, row, column in places]
+        found = zip(names, self._paintings[which].tiles(scale, parts), strict=True)
+        return {name: _called(name.removesuffix(".js"), data) for name, data in found}
 
     def file(self, name: str) -> Callable[[], bytes] | None:
         """What makes the content of a file, which may raise IndexError; None: there is none."""
@@ -283,7 +310,7 @@ class Contents:
 
     def _tile(self, which: int, number: int, row: int, column: int) -> bytes:
         scale, painting = self._scales[number], self._paintings[which]
-        return painting.tile(scale, scale.window(row, column))
+        return next(iter(painting.tiles(scale, [scale.window(row, column)])))
 
 
 def _painting(
@@ -302,7 +329,7 @@ def _painting(
     if height is not None:
         raise ArgumentError(f"height: that of a {what} cannot be given")
     if isinstance(result, StoredSbrdf):
-        return painting_of_store(result, camera, threads)
+        return painting_of_store(result, camera, pitch, threads)
     return RelightablePainting(result)
 
 

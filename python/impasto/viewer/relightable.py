@@ -8,6 +8,7 @@ planes as they are stored and the functions as numbers, and evaluates them itsel
 from __future__ import annotations
 
 import gzip
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -102,8 +103,11 @@ class RelightablePainting:
         """True: every pixel has its codes."""
         return True
 
-    def tile(self, scale: Scale, part: Window) -> bytes:
-        """A part as the page reads it."""
+    def tiles(self, scale: Scale, parts: Sequence[Window]) -> Iterator[bytes]:
+        """Parts as the page reads them."""
+        return (self._tile(scale, part) for part in parts)
+
+    def _tile(self, scale: Scale, part: Window) -> bytes:
         codes = self._levels[scale.factor.bit_length() - 1][:, *part]
         planes: dict[str, NDArray[Any]] = dict(
             zip(self.layout.groups[1].planes, codes, strict=True)

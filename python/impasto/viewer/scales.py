@@ -7,15 +7,16 @@ normals has widened (:func:`impasto.lighting.reduced`), as in the stores of jobs
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.windows import Window
+from impasto._internal.windows import Window, squares
 from impasto.errors import ArgumentError
 from impasto.fit.reflectance import ReflectanceEstimator
 from impasto.fit.stored import StoredSbrdf
@@ -29,6 +30,9 @@ SIDE = 256
 """Rows and columns of a tile."""
 READ = 8
 """Largest factor at which the status of a store is read: each tile of it reads so many squared."""
+TOGETHER = 4
+"""Tiles along a side that are made at a time where all are: chunks of a store hold several, and are
+decoded once for those."""
 LOADED = 2**24
 """Most pixels of a store without smaller scales."""
 RELIEF = 2**18
@@ -56,6 +60,16 @@ class Scale:
     def tiles(self) -> tuple[int, int]:
         """Rows and columns of tiles."""
         return -(-self.shape[0] // SIDE), -(-self.shape[1] // SIDE)
+
+    def blocks(self) -> Iterator[list[tuple[int, int]]]:
+        """Rows and columns of all tiles, those together that are made at a time.
+
+        The status is read of all pixels up to :data:`READ`: no block covers more of them than the
+        largest tile does.
+        """
+        side = max(1, TOGETHER // self.factor) if self.factor <= READ else TOGETHER
+        for rows, columns in squares(self.tiles, side):
+            yield list(product(range(rows.start, rows.stop), range(columns.start, columns.stop)))
 
     def window(self, row: int, column: int) -> Window:
         """Rows and columns of a tile.
@@ -95,6 +109,15 @@ class Part:
     status: NDArray[np.uint8] | None = None
     beneath: NDArray[np.float32] | None = None
     quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    def cut(self, window: Window) -> Part:
+        """A part of it."""
+        return Part(
+            cut(self.surface, window),
+            None if self.status is None else self.status[window],
+            None if self.beneath is None else self.beneath[window],
+            {name: plane[window] for name, plane in self.quality.items()},
+        )
 
 
 class Scales(Protocol):
@@ -190,6 +213,8 @@ class ScalesOfStore:
         Numbers of the bands that are shown; None: all.
     spectra
         Makes spectra of the bands; None: bands are shown.
+    pitch_mm
+        Width of a pixel, for heights; None: that of the store.
 
     Raises
     ------
@@ -202,6 +227,7 @@ class ScalesOfStore:
         stored: StoredSbrdf,
         bands: list[int] | None,
         spectra: ReflectanceEstimator | None = None,
+        pitch_mm: float | None = None,
     ) -> None:
         rows, columns = stored.shape
         if not stored.factors and rows * columns > LOADED:
@@ -210,6 +236,7 @@ class ScalesOfStore:
                 "impasto job run makes stores that do"
             )
         self._stored, self._bands, self._spectra = stored, bands, spectra
+        self._pitch = pitch_mm or stored.pitch_mm or 1.0
         self.quality = tuple(name for name in QUALITY if name in stored.map_names)
         shapes = {1: stored.shape} | {one: stored.level_shape(one) for one in stored.factors}
         self._last = factor = max(shapes)
@@ -262,8 +289,7 @@ class ScalesOfStore:
             normal = self._without_height(scale, whole).surface.normal
         if int((normal[2] > 0).sum()) < FEWEST:
             return np.zeros(scale.shape, np.float32)
-        width = (self._stored.pitch_mm or 1.0) * scale.factor
-        return integrate_normals(normal, width, level=True)
+        return integrate_normals(normal, self._pitch * scale.factor, level=True)
 
     def _read(self, scale: Scale, window: Window) -> Part:
         one: Any

@@ -8,13 +8,13 @@ same name at the top.
 
 from __future__ import annotations
 
-import json
 import re
 from functools import cache
 from importlib import resources
 from typing import Literal
 
 MODULES = (
+    "numbers",
     "colour",
     "half",
     "exr",
@@ -37,15 +37,16 @@ MODULES = (
     "geometry",
     "drawing",
     "pointer",
-    "host",
     "viewer",
-    "start",
+    "mount",
 )
 """In the order in which they may import."""
-ENTRY = "mount"
-"""What the last of them exports: shows a painting in an element."""
+PAGE = ("host", "start")
+"""What stands after them in a page of its own."""
+ENTRIES = "mount, pageHost, scriptSource"
+"""What other pages need: what shows a painting in an element, where state and files are."""
 START = "startPage"
-"""And what starts the page of a site."""
+"""What starts the page of a site."""
 NOTEBOOK = "notebook"
 """The module that stands after them in a notebook, and what it exports to anywidget."""
 RENDER = "renderNotebook"
@@ -79,8 +80,8 @@ def script(form: Form = "classic") -> str:
     ----------
     form
         ``"classic"``: starts by itself on the page of a site. ``"module"``: an ES module that
-        exports ``mount``, for other pages. ``"notebook"``: an ES module with its style, whose
-        default export has the ``render`` that anywidget calls.
+        exports ``mount`` and what it needs, for other pages. ``"notebook"``: an ES module with its
+        style, whose default export has the ``render`` that anywidget calls.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def script(form: Form = "classic") -> str:
         A module imports from one after it, or exports otherwise than by name.
     """
     joined = []
-    modules = (*MODULES, NOTEBOOK) if form == "notebook" else MODULES
+    modules = (*MODULES, NOTEBOOK) if form == "notebook" else (*MODULES, *PAGE)
     for number, name in enumerate(modules):
         text = page_file(f"{name}.js")
         later = set(IMPORT.findall(text)) - set(modules[:number])
@@ -100,8 +101,10 @@ def script(form: Form = "classic") -> str:
         joined.append(text)
     body = COMMENT.sub("", INDENTED.sub("", "\n".join(joined)))
     if form == "module":
-        return f"{body}\nexport {{ {ENTRY} }};\n"
+        return f"{body}\nexport {{ {ENTRIES} }};\n"
     if form == "notebook":
-        body = f"const STYLE = {json.dumps(style())};\n{body}"
+        if found := re.search(r"[`\\]|\$\{", style()):
+            raise ValueError(f"style.css: {found[0]!r} cannot stand in a template of the script")
+        body = f"const STYLE = `{style()}`;\n{body}"
         return f"{body}\nexport default {{ render: {RENDER} }};\n"
     return f"(() => {{\n'use strict';\n{body}\n{START}();\n}})();\n"

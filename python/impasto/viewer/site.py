@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.printable import printable
 from impasto.bands import Camera
 from impasto.environment import Environment
@@ -24,8 +27,10 @@ MARK = b"window.impasto = "
 OWN = {"index.html", "style.css", "viewer.js", "document.js", "effects.js"}
 OWN |= {"tiles", "photographs", "environments", AGAINST.rstrip("/")}
 """What lies in the folder of a site."""
-TOGETHER = 64
-"""Files that reach the disk at a time."""
+TOGETHER = 32
+"""Files that reach the disk at a time, or more."""
+MOST_AT_ONCE = 4
+"""Most threads: each holds the maps and the tiles of 1024 x 1024 pixels, some 100 MB."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +47,15 @@ class Site:
         Bytes of all files.
     script
         Bytes of the script and the style of the page.
+    lacks
+        Which of ``"width"`` of a pixel and ``"spectra"`` the page does not have.
     """
 
     path: Path
     files: int
     size: int
     script: int
+    lacks: tuple[str, ...] = ()
 
 
 def write_site(
@@ -140,28 +148,45 @@ def write_site(
         samples=False,
         threads=threads,
     )
-    names = list(contents.names())
+    total = sum(map(len, contents.together()))
     target.parent.mkdir(parents=True, exist_ok=True)
     size = done = page = 0
-    with reporting(progress, "writing the site") as callback, new_folder(target) as made:
-        for first in range(0, len(names), TOGETHER):
-            some = names[first : first + TOGETHER]
-            files = {made / name: _content(contents, name) for name in some}
-            atomic_together(dict(files))
+    with (
+        reporting(progress, "writing the site") as callback,
+        new_folder(target) as made,
+        closing(_made(contents, min(thread_count(threads), MOST_AT_ONCE))) as together,
+    ):
+        for files in together:
+            atomic_together({made / name: data for name, data in files.items()})
             size += sum(map(len, files.values()))
-            page += sum(
-                len(data) for path, data in files.items() if path.name in {"viewer.js", "style.css"}
-            )
-            done += len(some)
+            page += sum(len(files.get(name, b"")) for name in ("viewer.js", "style.css"))
+            done += len(files)
             if callback is not None:
-                callback(done, len(names))
-    return Site(target, len(names), size, page)
+                callback(done, total)
+    return Site(target, done, size, page, contents.lacks)
 
 
-def _content(contents: Contents, name: str) -> bytes:
-    make = contents.file(name)
-    assert make is not None
-    return make()
+def _made(contents: Contents, threads: int) -> Generator[dict[str, bytes], None, None]:
+    """All files, as many at a time as reach the disk together, or as are made together.
+
+    One block more than there are threads is under way or waits to be written.
+    """
+    waiting: deque[Future[dict[str, bytes]]] = deque()
+    ready: dict[str, bytes] = {}
+    with ThreadPoolExecutor(threads, "impasto-site") as pool:
+        try:
+            for names in contents.together():
+                waiting.append(pool.submit(contents.files, names))
+                while len(waiting) > threads:
+                    ready |= waiting.popleft().result()
+                if len(ready) >= TOGETHER:
+                    yield ready
+                    ready = {}
+            while waiting:
+                ready |= waiting.popleft().result()
+            yield ready
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _check(target: Path) -> None:

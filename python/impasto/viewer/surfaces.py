@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -121,18 +121,28 @@ class SurfacePainting:
         """Whether any pixel of a part has a normal."""
         return bool(np.isfinite(self.maps.part(scale, part).surface.normal).all(axis=0).any())
 
-    def tile(self, scale: Scale, part: Window) -> bytes:
-        """A part as the page reads it."""
-        found = self.maps.part(scale, part)
-        return self.layout.tile(found.surface, found.status, found.beneath, found.quality)
+    def tiles(self, scale: Scale, parts: Sequence[Window]) -> Iterator[bytes]:
+        """Parts as the page reads them; what lies around all of them is read once."""
+        top, left = (min(part[axis].start for part in parts) for axis in (0, 1))
+        below, beside = (max(part[axis].stop for part in parts) for axis in (0, 1))
+        around = self.maps.part(scale, (slice(top, below), slice(left, beside)))
+        layout = self.layout
+        for rows, columns in parts:
+            own = (
+                slice(rows.start - top, rows.stop - top),
+                slice(columns.start - left, columns.stop - left),
+            )
+            found = around.cut(own)
+            yield layout.tile(found.surface, found.status, found.beneath, found.quality)
 
 
 def painting_of_store(
-    stored: StoredSbrdf, camera: Camera | None, threads: int | None
+    stored: StoredSbrdf, camera: Camera | None, pitch: float | None, threads: int | None
 ) -> SurfacePainting:
     """Of a store of any size: no map is read before a tile is asked for.
 
     ``camera``: of the photographs; spectra are estimated of the tiles that are looked at.
+    ``pitch``: width of a pixel in mm, if the caller says it.
     """
     count = len(stored.bands)
     spectra = None if camera is None else ReflectanceEstimator(camera, stored.bands)
@@ -141,12 +151,12 @@ def painting_of_store(
         chosen = [count - 1, count // 2, 0]
     # Jobs keep the statistics that a plan needs; of another store every map would be read.
     kept = stored.has_statistics and chosen is None and spectra is None
-    maps = ScalesOfStore(stored, chosen, spectra)
+    maps = ScalesOfStore(stored, chosen, spectra, pitch)
     return SurfacePainting(
         maps=maps,
         planned=partial(stored.plan, _first_scene(), threads=threads) if kept else None,
-        eye=stored[:1, :1].eye(),
-        pitch_mm=stored.pitch_mm,
+        eye=stored[:1, :1].eye_in_mm(pitch),
+        pitch_mm=stored.known_pitch_mm if pitch is None else pitch,
         origin=[float(value) for value in stored.rig.origin],
         bands=[stored.bands[band] for band in (range(count) if chosen is None else chosen)],
         reflectance=spectra,
@@ -182,8 +192,8 @@ def painting_in_memory(
     return SurfacePainting(
         maps=ScalesInMemory(surface, getattr(result, "status", None), beneath, quality),
         planned=partial(plan, lit, scene, reflectance=spectra, fidelity="model", threads=threads),
-        eye=lit.eye(),
-        pitch_mm=surface.pitch_mm,
+        eye=lit.eye_in_mm(pitch),
+        pitch_mm=lit.known_pitch_mm if pitch is None else pitch,
         origin=[float(value) for value in surface.origin],
         bands=[str(name) for name in getattr(lit, "bands", ())],
         reflectance=spectra,

@@ -22,10 +22,13 @@ class StoredLevel(Relightable):
         The surface.
     view
         From where pictures show it.
+    in_mm
+        Whether lengths are in mm; False: in pixels of the painting itself.
     """
 
     maps: Surface
     view: tuple[float, float, float] | PointView
+    in_mm: bool = True
 
     def surface(self) -> Surface:
         """The maps, ready to be lit."""
@@ -37,8 +40,13 @@ class StoredLevel(Relightable):
 
     @property
     def pitch_mm(self) -> float | None:
-        """Width of a pixel in mm, if known."""
+        """Width of a pixel in the unit of its lengths."""
         return self.maps.pitch_mm
+
+    @property
+    def known_pitch_mm(self) -> float | None:
+        """Width of a pixel in mm; None where nobody has said it."""
+        return self.maps.pitch_mm if self.in_mm else None
 
     @property
     def diffuse(self) -> NDArray[np.float32]:

@@ -133,8 +133,13 @@ class StoredSbrdf:
 
     @property
     def pitch_mm(self) -> float | None:
-        """Width of a pixel on the painting in mm, if known."""
+        """Width of a pixel in the unit of the rig: mm, or pixels as in ``known_pitch_mm``."""
         return self._pixel.rig.pitch_mm
+
+    @property
+    def known_pitch_mm(self) -> float | None:
+        """Width of a pixel in mm; None where nobody has said it, also where the rig is refined."""
+        return self._pixel.rig.known_pitch_mm
 
     @property
     def chosen(self) -> Choice | None:
@@ -502,7 +507,8 @@ class StoredSbrdf:
         with checked_maps(self.path, {"kind": np.array("level"), **arrays}, "level"):
             surface = surface_of_level(arrays, self._pixel.surface())
         lit = replace(surface, pitch_mm=pitch, origin=origin)
-        return StoredLevel(lit, self._pixel.eye())
+        in_mm = self.pitch_mm is None or self.known_pitch_mm is not None
+        return StoredLevel(lit, self._pixel.eye(), in_mm)
 
     @property
     def _first(self) -> Window:

@@ -36,23 +36,3 @@ export function annotationsOf(content, doc) {
 }
 
 export const annotationPage = list => ({ "@context": CONTEXT, id: identifier(), type: "AnnotationPage", items: list });
-
-const key = doc => `impasto notes ${doc.title} ${doc.width}x${doc.height}`;
-
-// A page that is opened from a disk may have no storage.
-export function storedAnnotations(doc) {
-  try {
-    return annotationsOf(JSON.parse(localStorage.getItem(key(doc)) ?? "[]"), doc);
-  } catch {
-    return [];
-  }
-}
-
-export function storeAnnotations(doc, list) {
-  try {
-    localStorage.setItem(key(doc), JSON.stringify(list));
-    return true;
-  } catch {
-    return false;
-  }
-}

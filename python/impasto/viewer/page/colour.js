@@ -1,5 +1,7 @@
 // From reflectance to the display: matrices, incomplete adaptation, colour differences.
 
+import { clamp } from "./numbers.js";
+
 export const product = (a, b) => a.map(row => b[0].map((_, j) => row.reduce((sum, value, i) => sum + value * b[i][j], 0)));
 export const applied = (matrix, vector) => matrix.map(row => row.reduce((sum, value, i) => sum + value * vector[i], 0));
 
@@ -98,7 +100,7 @@ export function channelColours(colours, { illuminant, adaptation, varnish, expos
 }
 
 export const encodeSrgb = light => {
-  const value = Math.min(Math.max(light, 0), 1);
+  const value = clamp(light, 0, 1);
   return value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;
 };
 

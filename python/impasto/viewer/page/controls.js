@@ -1,20 +1,18 @@
 // The panel beside the painting: every control reads the state and asks for a new one.
 
+import { clamp } from "./numbers.js";
 import { adaptedTemperature, encodeSrgb } from "./colour.js";
 import { rotationOf } from "./environment.js";
 import { LOWEST, QUALITY, directionOf, anglesOf, layersOf } from "./state.js";
 import { MOST_DIFFERENCE } from "./renderer.js";
 import { svg } from "./plots.js";
-import { check, choice, degrees, h, heightWords, section, slider, unfold } from "./elements.js";
+import { button, check, choice, degrees, faint, h, heightWords, section, sideOf, slider, unfold } from "./elements.js";
 import { pixelSection } from "./inspector.js";
 import { placeOf, textOf } from "./annotations.js";
 
-const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
-export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${SIDES[Math.round(azimuth / 45) % 8]}`}, ${degrees(elevation)} high`;
+export const lightWords = (azimuth, elevation) => `Light ${elevation > 84 ? "in front" : `from ${sideOf(azimuth)}`}, ${degrees(elevation)} high`;
 
-export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°`;
-
-export const RAKING_STOPS = 2.5; // light at 10 degrees gives a flat painting 1 / 5.8 of what it gives in front
+export const roomWords = (doc, { environment, rotation }) => `${doc.environments.find(one => one.name === environment).label}${rotation ? `, turned by ${Math.round(rotation > 180 ? rotation - 360 : rotation)}°` : ""}`;
 
 // The direction of the lamp: that of a photograph, while one is beside the picture.
 const lampOf = (app, state) => (state.photograph < 0 ? state : anglesOf(app.renderer.geometry(state).towards));
@@ -78,14 +76,14 @@ function lightSection(app, updates) {
   const { doc } = app, pad = dome(app);
   const number = (text, name, low, high, from = value => value, to = value => value) => {
     const input = h("input", { type: "number", min: low, max: high, step: 1, "aria-label": text,
-      onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(Math.min(Math.max(input.valueAsNumber, low), high)), photograph: -1 }) });
+      onchange: () => Number.isFinite(input.valueAsNumber) && app.set({ [name]: from(clamp(input.valueAsNumber, low, high)), photograph: -1 }) });
     updates.push(state => { if (input.getRootNode().activeElement !== input) input.value = Math.round(to(lampOf(app, state)[name])); });
     return h("label", {}, `${text} (°)`, input);
   };
-  const preset = (text, azimuth, elevation, words = null) => h("button", { type: "button", title: words ?? "", "aria-label": words, onclick: () => app.set({ azimuth: app.onPainting(azimuth), elevation, exposure: elevation < 20 ? RAKING_STOPS : 0, photograph: -1, environment: "none" }) }, text);
+  const preset = (text, azimuth, elevation, words = null) => button(text, () => app.lamp(azimuth, elevation), { title: words ?? "", "aria-label": words });
   const exposure = slider("Exposure", { min: -3, max: 3, step: 0.1 }, value => app.set({ exposure: value }), value => `${value > 0 ? "+" : ""}${value.toFixed(1)} stops`);
   const clipped = check("Mark what is clipped", on => app.set({ clipped: on }));
-  const marks = h("p", { className: "faint" }, "Red stripes: brighter than the display's white. Blue: more saturated than it can show.");
+  const marks = faint("Red stripes: brighter than the display's white. Blue: more saturated than it can show.");
   updates.push(pad.update, state => {
     exposure.update(state.exposure);
     clipped.update(state.clipped);
@@ -126,10 +124,9 @@ function colourSection(app, updates) {
   const light = choice("Illuminant", colours.illuminants.map(one => ({ name: one.name, label: one.label })), illuminant => app.set({ illuminant }));
   const eye = check("Adapted eye", on => app.set({ adaptation: on ? colours.adaptation.mean : null }));
   const degree = slider("Degree of adaptation d", { min: 0, max: 1, step: 0.01 }, adaptation => app.set({ adaptation }), value => value.toFixed(2));
-  const mean = h("button", { type: "button", className: "mark", title: "The mean of the observers of the six-band paper",
-    onclick: () => app.set({ adaptation: colours.adaptation.mean }) }, String(colours.adaptation.mean));
+  const mean = button(colours.adaptation.mean, () => app.set({ adaptation: colours.adaptation.mean }), { className: "mark", title: "The mean of the observers of the six-band paper" });
   mean.style.setProperty("--at", colours.adaptation.mean);
-  const kelvin = h("p", { className: "faint" });
+  const kelvin = faint();
   degree.element.append(h("div", { className: "marks" }, mean));
   updates.push(state => {
     light.update(state.illuminant);
@@ -158,10 +155,10 @@ function legend(app) {
     if (state.layer === "strength") element.append(...bar((2 ** low).toPrecision(2), (2 ** high).toPrecision(2)));
     if (state.layer === "height") element.append(...bar(heightWords(app.doc, low), heightWords(app.doc, high)));
     if (state.layer in QUALITY) element.append(...bar(...QUALITY[state.layer].words));
-    if (state.layer === "normals") element.append(h("p", { className: "faint" }, "Red leans right, green up, blue faces you."));
-    if (state.layer === "colour") element.append(h("p", { className: "faint" }, "The matte colours, without light and shade."));
+    if (state.layer === "normals") element.append(faint("Red leans right, green up, blue faces you."));
+    if (state.layer === "colour") element.append(faint("The matte colours, without light and shade."));
     const { scales, read } = app.doc;
-    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted()].factor > read) element.append(h("p", { className: "faint" }, "At this scale it is not read: zoom in."));
+    if (read && (state.layer === "status" || state.layer in QUALITY) && scales[app.wanted()].factor > read) element.append(faint("At this scale it is not read: zoom in."));
     if (state.layer === "status") {
       element.append(h("ul", { className: "statuses" }, ...app.statuses.map(code => {
         const swatch = h("span", { className: "swatch" });
@@ -181,7 +178,7 @@ function layerSection(app, updates) {
 
 function effectSection(app, updates) {
   const { doc } = app;
-  if (doc.basis) return section("Effects", false, h("p", { className: "faint" }, `${doc.basis.format}: ${doc.basis.terms} functions of the light's direction, which hold highlights, shade and shadows as they were photographed. There are no maps to switch off.`), ...doc.basis.notes.map(text => h("p", {}, `${text}.`)));
+  if (doc.basis) return section("Effects", false, faint(`${doc.basis.format}: ${doc.basis.terms} functions of the light's direction, which hold highlights, shade and shadows as they were photographed. There are no maps to switch off.`), ...doc.basis.notes.map(text => h("p", {}, `${text}.`)));
   const names = [["matte", "Matte part"], ...(doc.lobes.length ? [["gloss", "Gloss"]] : []), ...(doc.ambient ? [["ambient", "Light from all sides"]] : [])];
   const switches = names.map(([name, label]) => {
     const one = check(label, on => app.set({ [name]: on }));
@@ -209,12 +206,12 @@ function planned(effects) {
     h("div", {}, h("dt", {}, one.name, h("span", { className: "tag" }, one.decision)), h("dd", {}, one.reason)));
   const absent = effects.filter(one => one.decision === "absent").map(one => one.name);
   return [h("h3", {}, "What a picture calls for"), h("dl", { className: "plan" }, ...rows),
-    absent.length ? h("p", { className: "faint" }, `Not there: ${absent.join(", ")}.`) : ""];
+    absent.length ? faint(`Not there: ${absent.join(", ")}.`) : ""];
 }
 
 function viewSection(app, updates) {
   const tilt = slider("Tilt", { min: 0, max: 75, step: 1 }, value => app.set({ tilt: value }), degrees);
-  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: app.onPainting(value) }), value => `${SIDES[Math.round(value / 45) % 8]}, ${degrees(value)}`);
+  const towards = slider("Seen from", { min: 0, max: 359, step: 1 }, value => app.set({ towards: app.onPainting(value) }), value => `${sideOf(value)}, ${degrees(value)}`);
   const relief = slider("Relief", { min: 0, max: 10, step: 0.5 }, value => app.set({ relief: value }), value => `${value} times`);
   updates.push(state => {
     for (const [one, value] of [[tilt, state.tilt], [towards, app.onPage(state.towards)], [relief, state.relief]]) one.update(value);
@@ -223,8 +220,8 @@ function viewSection(app, updates) {
   });
   if (app.doc.basis) tilt.element.hidden = true;
   return section("View", false, tilt.element, towards.element, relief.element,
-    h("div", { className: "row wrap" }, h("button", { type: "button", onclick: () => app.fit() }, "Show all"), h("button", { type: "button", onclick: () => app.zoomTo(1) }, "Pixel for pixel"),
-      h("button", { type: "button", onclick: () => app.turn90() }, "Turn")));
+    h("div", { className: "row wrap" }, button("Show all", () => app.fit()), button("Pixel for pixel", () => app.zoomTo(1)),
+      button("Turn", () => app.turn90())));
 }
 
 function compareSection(app, updates) {
@@ -236,7 +233,7 @@ function compareSection(app, updates) {
   const itself = h("span", {});
   const what = choice("What is shown beside it", [{ name: "photograph", label: itself }, { name: "difference", label: "Difference" }], compare => app.set({ compare }));
   const words = legend(app), scale = h("div", {}, ...words.bar("0", `${MOST_DIFFERENCE} CIEDE2000`));
-  const hint = h("p", { className: "faint" });
+  const hint = faint();
   const made = section(doc.against ? "Beside it" : "Photographs", Boolean(doc.against), pick.element, what.element, scale, hint);
   let alone = true;
   updates.push(state => {
@@ -247,8 +244,8 @@ function compareSection(app, updates) {
     hint.hidden = none;
     scale.hidden = none || !picture || state.compare !== "difference";
     itself.textContent = state.against ? title : "Photograph";
-    hint.textContent = !state.against ? "Left of the line the picture, in the lamp of the photograph; right of it the photograph. Drag the line."
-      : app.beside ? `Left of the line ${doc.title || "the picture"}; right of it ${title}, in the same lamp. Drag the line.` : `${title} has no such layer.`;
+    const left = state.against ? doc.title || "the picture" : "the picture in the lamp of the photograph", right = state.against ? title : "the photograph";
+    hint.textContent = state.against && !app.beside ? `${title} has no such layer.` : `Left of the line ${left}, right of it ${scale.hidden ? right : "the difference"}. Drag the line.`;
     // What is beside the picture says here what it is, also where a link shows it.
     if (alone && !none) unfold(made);
     alone = none;
@@ -257,21 +254,21 @@ function compareSection(app, updates) {
 }
 
 function noteSection(app) {
-  const list = h("ul", { className: "notes" }), hint = h("p", { className: "faint" }, "Choose Note (N) and draw a rectangle on the painting.");
-  const kept = h("p", { className: "faint" });
+  const list = h("ul", { className: "notes" }), hint = faint("Choose Note (N) and draw a rectangle on the painting.");
+  const kept = faint();
   const open = h("input", { type: "file", accept: ".json,.jsonld,application/json", hidden: true, onchange: () => { if (open.files[0]) app.openNotes(open.files[0]); open.value = ""; } });
   app.showNotes = (notes, stored) => {
     hint.hidden = notes.length > 0;
     kept.textContent = notes.length ? (stored ? app.host.kept : "This browser keeps nothing here; save them.") : "";
     list.replaceChildren(...notes.map((one, i) => h("li", {},
-      h("button", { type: "button", className: "plain", title: "Show the place", onclick: () => app.goTo(placeOf(one)) }, `${i + 1}. ${textOf(one) || "(no words)"}`),
-      h("button", { type: "button", className: "plain", "aria-label": `Remove note ${i + 1}`, onclick: () => app.removeNote(i) }, "×"))));
+      button(`${i + 1}. ${textOf(one) || "(no words)"}`, () => app.goTo(placeOf(one)), { className: "plain", title: "Show the place" }),
+      button("×", () => app.removeNote(i), { className: "plain", "aria-label": `Remove note ${i + 1}` }))));
   };
   return section("Notes", false, hint, list, kept, h("div", { className: "row wrap" },
-    h("button", { type: "button", onclick: () => app.saveNotes() }, "Save notes"), h("button", { type: "button", onclick: () => open.click() }, "Open notes"), open));
+    button("Save notes", () => app.saveNotes()), button("Open notes", () => open.click()), open));
 }
 
-const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°; with Inspect the place, with Shift by 10"], ["R", "raking light, turned on by 45°"],
+const KEYS = [["L, M, I, N", "light, move, inspect, note"], ["arrows", "the light, with Shift by 1°; with Inspect the place, with Shift by 10"], ["Enter", "with Note, one on the middle of what is seen"], ["R", "raking light, turned on by 45°"],
   ["+ − 0 1", "zoom, show all, pixel for pixel"], ["Shift and drag", "move"], ["wheel, two fingers", "zoom"], ["T", "turn the picture by 90°"], ["P", "copy a link to this view"], ["S", "save the picture"], ["H", "hide the panel"]];
 
 export function panel(app) {
@@ -282,8 +279,8 @@ export function panel(app) {
     lightSection(app, updates), colourSection(app, updates), layerSection(app, updates), effectSection(app, updates), viewSection(app, updates),
     compareSection(app, updates), pixelSection(app, updates), noteSection(app),
     section("Hand on", false, h("div", { className: "row wrap" },
-      app.host.link && h("button", { type: "button", onclick: () => app.copyLink() }, "Copy link"), h("button", { type: "button", onclick: () => app.savePicture() }, "Save PNG"), h("button", { type: "button", title: "Linear light, for other programs", onclick: () => app.savePicture("exr") }, "Save EXR")),
-    app.host.link && h("p", { className: "faint" }, "The link holds the light, the layer and the place."), said),
+      app.host.link && button("Copy link", () => app.copyLink()), button("Save PNG", () => app.savePicture()), button("Save EXR", () => app.savePicture("exr"), { title: "Linear light, for other programs" })),
+    app.host.link && faint("The link holds the light, the layer and the place."), said),
     section("Keys", false, h("dl", { className: "keys" }, ...KEYS.filter(([key]) => key !== "P" || app.host.link).flatMap(([key, text]) => [h("dt", {}, key), h("dd", {}, text)]))));
   return { element, update: state => updates.forEach(update => update(state)) };
 }

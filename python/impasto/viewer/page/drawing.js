@@ -123,10 +123,11 @@ export class Drawing extends Geometry {
     }
     for (const gone of this.renderer.trim(new Set([...names, ...here]))) this.tiles.forget(gone);
     if (names.length) this.wait.hidden = !this.unknown || this.state.layer === "status";
+    const { environment } = this.state, loading = environment !== "none" && !this.renderer.environments.has(environment);
     const refining = rough || Boolean(this.renderer.prefilter?.busy);
     this.fine = rough && !early ? fine : [];
     if (refining) this.refine();
-    if (names.length) this.host.shown(!refining && there.length === here.length && (!other || here.every(name => other.has(name))));
+    if (names.length) this.host.shown(!refining && !loading && there.length === here.length && (!other || here.every(name => other.has(name))));
     this.drawOver();
   }
 

@@ -11,6 +11,21 @@ export function h(name, attributes = {}, ...children) {
   return made;
 }
 
+// Nobody else acts upon an event.
+export const taken = event => {
+  event.preventDefault();
+  event.stopPropagation();
+};
+
+export const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }; // right and up
+
+export const button = (text, onclick, more) => h("button", { type: "button", onclick, ...more }, text);
+
+export const faint = (...text) => h("p", { className: "faint" }, ...text);
+
+const SIDES = ["the right", "the upper right", "above", "the upper left", "the left", "the lower left", "below", "the lower right"];
+export const sideOf = azimuth => SIDES[Math.round(azimuth / 45) % 8];
+
 export const degrees = value => `${Math.round(value)}°`;
 
 export const heightWords = (doc, value) => `${value.toPrecision(3)} ${doc.pitch ? "mm" : "pixels"}`;

@@ -1,5 +1,6 @@
 // Light from all directions: a map as the page gets it, turned, and as distant lamps.
 
+import { clamp } from "./numbers.js";
 import { fromHalf } from "./half.js";
 
 const BRIGHT = 0.001, MOST_BRIGHT = 96; // share of all light of a texel that is a lamp, and how many may be
@@ -86,7 +87,7 @@ export class EnvironmentMap {
     const rows = rotationOf(this.record, degrees);
     return lamps.map(({ light, towards }) => {
       const direction = rows.map(row => row[0] * towards[0] + row[1] * towards[1] + row[2] * towards[2]);
-      const above = Math.min(Math.max(0.5 + direction[2] / width, 0), 1);
+      const above = clamp(0.5 + direction[2] / width, 0, 1);
       return { direction, light: light.map(value => above * value) };
     }).filter(one => one.light.some(value => value > 0));
   }

@@ -1,5 +1,6 @@
 // Where the painting lies on the canvas: zoom, quarter turns, an eye at the side, and its relief.
 
+import { clamp } from "./numbers.js";
 import { directionOf } from "./state.js";
 
 // Needs `canvas`, `doc`, `state` and `set` of the viewer that it is part of, and its `size` on the screen: places of the
@@ -29,7 +30,7 @@ export class Geometry {
 
   zoomTo(zoom, at = null) {
     const [x, y, before] = this.view;
-    const after = Math.min(Math.max(zoom, 0.2 * Math.min(this.size.width / this.doc.width, this.size.height / this.doc.height, 1)), 64);
+    const after = clamp(zoom, 0.2 * Math.min(this.size.width / this.doc.width, this.size.height / this.doc.height, 1), 64);
     if (!at) return this.set({ view: [x, y, after] });
     const place = this.place(at);
     this.state.view = [x, y, after];
@@ -103,7 +104,7 @@ export class Geometry {
 
   // The part of a rectangle that lies on the painting.
   inside([x, y, width, height]) {
-    const left = Math.min(Math.max(x, 0), this.doc.width - 1), top = Math.min(Math.max(y, 0), this.doc.height - 1);
+    const left = clamp(x, 0, this.doc.width - 1), top = clamp(y, 0, this.doc.height - 1);
     return [left, top, Math.max(1, Math.min(width, this.doc.width - left)), Math.max(1, Math.min(height, this.doc.height - top))];
   }
 }

@@ -1,8 +1,8 @@
 // A painting in the output of a notebook, as anywidget (https://anywidget.dev) asks for it: tiles come from the model, or by its messages.
 
-import { decompressed, jsonOf, pictureOf } from "./tiles.js";
+import { filesOf } from "./tiles.js";
 import { h } from "./elements.js";
-import { mount } from "./start.js";
+import { mount } from "./mount.js";
 
 const PATIENCE = 8000; // ms until a reader is told why nothing is seen
 
@@ -31,11 +31,7 @@ function modelSource(model) {
     return waiting.get(name).promise;
   };
   return {
-    tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
-    effects: () => load("effects").then(jsonOf),
-    photograph: number => load(`photographs/${number}`).then(pictureOf),
-    environment: number => load(`environments/${number}`).then(decompressed),
-    samples: (row, column) => load(`samples/${row}-${column}`).then(jsonOf),
+    ...filesOf(load),
     close: () => model.off("msg:custom", answer),
   };
 }

@@ -1,5 +1,6 @@
 // Small diagrams of a pixel as SVG: its spectrum, and its lobes in the plane of incidence.
 
+import { clamp } from "./numbers.js";
 import { lobeValue } from "./values.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -34,7 +35,7 @@ export function spectrumPlot(wavelengths, values, half) {
   const first = wavelengths[0], last = wavelengths[wavelengths.length - 1];
   const { picture, x, y } = chart(`Reflectance from ${first} to ${last} nm, from ${Math.min(...values).toFixed(2)} to ${Math.max(...values).toFixed(2)}`,
     [first, last], [least, most], [0, 0.5, 1], stepped(Math.ceil(first / 100) * 100, last, 100), " nm");
-  const edge = sign => wavelengths.map((nm, i) => [x(nm), y(Math.min(Math.max(values[i] + sign * half[i], least), most))]);
+  const edge = sign => wavelengths.map((nm, i) => [x(nm), y(clamp(values[i] + sign * half[i], least, most))]);
   if (half) picture.append(path([...edge(1), ...edge(-1).reverse()], { class: "band" }));
   picture.append(path(wavelengths.map((nm, i) => [x(nm), y(values[i])]), { class: "curve" }));
   return picture;

@@ -1,6 +1,7 @@
 // Pointer, wheel and keys: what dragging does.
 
-import { RAKING_STOPS } from "./controls.js";
+import { clamp } from "./numbers.js";
+import { ARROWS, taken } from "./elements.js";
 
 export const TOOLS = [["light", "Light", "L", "Drag to move the light"], ["move", "Move", "M", "Drag to move the painting"],
   ["inspect", "Inspect", "I", "Choose a place to see its values"], ["note", "Note", "N", "Draw a rectangle to measure it and to write a note"]];
@@ -25,15 +26,14 @@ export class Pointer {
       app.zoomTo(app.view[2] * 2 ** (-event.deltaY * lines / (event.ctrlKey ? 80 : 320)), app.at(event));
     }, { passive: false });
     divider.addEventListener("pointerdown", event => divider.setPointerCapture(event.pointerId));
-    divider.addEventListener("pointermove", event => divider.hasPointerCapture(event.pointerId) && app.set({ split: Math.min(Math.max(app.at(event)[0] / app.size.width, 0), 1) }));
+    divider.addEventListener("pointermove", event => divider.hasPointerCapture(event.pointerId) && app.set({ split: clamp(app.at(event)[0] / app.size.width, 0, 1) }));
     divider.addEventListener("keydown", event => {
-      const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
+      const [step] = ARROWS[event.key] ?? [];
       if (!step) return;
-      event.preventDefault();
-      event.stopPropagation();
-      app.set({ split: Math.min(Math.max(app.state.split + step, 0), 1) });
+      taken(event);
+      app.set({ split: clamp(app.state.split + 0.02 * step, 0, 1) });
     });
-    app.element.addEventListener("keydown", event => this.key(event));
+    (app.host.keys ?? app.element).addEventListener("keydown", event => this.key(event));
   }
 
   // An environment turns by half of a circle over the width of the canvas.
@@ -58,10 +58,13 @@ export class Pointer {
     app.canvas.setPointerCapture(event.pointerId);
     this.places.set(event.pointerId, at);
     if (this.places.size > 1) {
+      // What the first finger began was none of it.
+      if (this.action !== "pinch") app.set(this.before);
       this.action = "pinch";
       this.drawn = null;
       return;
     }
+    this.before = { ...app.state };
     const pan = event.button === 1 || event.button === 2 || event.shiftKey;
     this.action = pan ? "move" : this.tool;
     this.from = at;
@@ -104,20 +107,29 @@ export class Pointer {
     app.set({ view: [x + a[0] - b[0], y + a[1] - b[1], zoom] });
   }
 
+  // Without a pointer: a note on the middle of what is seen, half as wide and as high.
+  noteHere() {
+    const { app } = this, [x, y] = app.view, [wide, high] = ["width", "height"].map(side => app.size[side] / 2 / app.view[2]);
+    this.drawn = app.inside([x - wide / 2, y - high / 2, wide, high]);
+    app.redraw();
+    app.askNote(this.drawn);
+  }
+
   key(event) {
     const { app } = this, { state } = app, [target] = event.composedPath();
     if (event.ctrlKey || event.metaKey || event.altKey || /^(input|textarea|select)$/i.test(target.tagName)) return;
-    if (target === app.canvas && (this.tool === "inspect" ? app.inspectKey(event) : app.lightKey(event))) return;
+    const own = [app.canvas, document.body].includes(target);
+    if (own && (this.tool === "inspect" ? app.inspectKey(event) : app.lightKey(event))) return;
     const acts = {
+      ...(own && this.tool === "note" ? { enter: () => this.noteHere() } : {}),
       "+": () => app.zoomTo(1.25 * app.view[2]), "=": () => app.zoomTo(1.25 * app.view[2]), "-": () => app.zoomTo(app.view[2] / 1.25),
       0: () => app.fit(), 1: () => app.zoomTo(1), h: () => app.togglePanel(), t: () => app.turn90(), p: () => app.copyLink(), s: () => app.savePicture(),
-      r: () => app.set({ azimuth: state.elevation <= 12 ? (state.azimuth + 45) % 360 : app.onPainting(180), elevation: 10, exposure: RAKING_STOPS, photograph: -1, environment: "none" }),
+      r: () => app.lamp(state.elevation <= 12 ? app.onPage(state.azimuth) + 45 : 180, 10),
       ...Object.fromEntries(TOOLS.map(([name, , key]) => [key.toLowerCase(), () => app.choose(name)])),
     };
     const act = acts[event.key.toLowerCase()];
     if (!act) return;
-    event.preventDefault();
-    event.stopPropagation();
+    taken(event);
     act();
   }
 }

@@ -4,6 +4,7 @@
 // directions that are drawn from the lobe, each of which reads the map at the scale of its share
 // [krivanek2008filtered]. Texels that are bright among others would be met by chance: they are distant lamps.
 
+import { clamp } from "./numbers.js";
 import { rotationOf } from "./environment.js";
 import { Pacer } from "./pacer.js";
 import { EVEN, LEVELS, VECTORS, VERTEX_OF_TABLE, facets, irradiance } from "./tables.js";
@@ -127,7 +128,7 @@ export class Prefilter {
   // Rows of a table, as many at a time as there is work for; less than that is added to what comes next.
   *rows(side, each, prepare) {
     for (let row = 0; row < side;) {
-      const left = this.amount - this.spent, count = Math.min(Math.max(Math.floor(left / each), 1), side - row);
+      const left = this.amount - this.spent, count = clamp(Math.floor(left / each), 1, side - row);
       prepare();
       this.gl.viewport(0, 0, side, side);
       this.gl.scissor(0, row, side, count);
@@ -169,8 +170,7 @@ export class Prefilter {
   lobesOf({ environment, degrees, view, index }, tables, level, side, samples, lamps) {
     const { gl, levels, lobes: { program, at } } = this, { record } = environment;
     gl.useProgram(program);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_CUBE_MAP, this.map(environment));
+    this.renderer.bind(0, this.map(environment), gl.TEXTURE_CUBE_MAP);
     gl.uniform1i(at("uMap"), 0);
     this.lamps(at, lamps);
     // The inverse of a rotation is its transpose, and WebGL reads columns: rows as they are.
@@ -195,8 +195,7 @@ export class Prefilter {
     this.renderer.bind(UNITS.irradiance, tables.irradiance);
     tables.lobes.forEach((table, i) => {
       gl.uniform1i(at(`uLobes${i}`), UNITS.lobes[i]);
-      gl.activeTexture(gl.TEXTURE0 + UNITS.lobes[i]);
-      gl.bindTexture(gl.TEXTURE_2D_ARRAY, table);
+      this.renderer.bind(UNITS.lobes[i], table, gl.TEXTURE_2D_ARRAY);
     });
   }
 }

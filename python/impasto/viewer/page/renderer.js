@@ -291,10 +291,7 @@ export class Renderer {
       ((column * doc.side + 0.5) * factor - doc.width / 2 + doc.origin[0]) * pitch,
       (doc.height / 2 - (row * doc.side + 0.5) * factor + doc.origin[1]) * pitch);
     gl.uniform1f(at("uStep"), factor * pitch);
-    tile.groups.forEach((group, unit) => {
-      gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(gl.TEXTURE_2D_ARRAY, group);
-    });
+    tile.groups.forEach((group, unit) => this.bind(unit, group, gl.TEXTURE_2D_ARRAY));
     if (doc.basis) this.bind(5, this.weights);
     this.bind(6, this.ramp);
     this.bind(7, this.statuses);
@@ -308,9 +305,9 @@ export class Renderer {
     return tile;
   }
 
-  bind(unit, texture) {
+  bind(unit, texture, target = this.gl.TEXTURE_2D) {
     this.gl.activeTexture(this.gl.TEXTURE0 + unit);
-    this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
+    this.gl.bindTexture(target, texture);
   }
 
   // Display codes of a lit tile, row by row from the top.
@@ -385,8 +382,7 @@ export class Renderer {
       }
       gl.uniform4f(at("uTile"), column * doc.side * size, row * doc.side * size, tile.width * size, tile.height * size);
       if (relief) {
-        gl.activeTexture(gl.TEXTURE3);
-        gl.bindTexture(gl.TEXTURE_2D_ARRAY, tile.groups[this.heights]);
+        this.bind(3, tile.groups[this.heights], gl.TEXTURE_2D_ARRAY);
         gl.uniform2i(at("uTexels"), tile.width, tile.height);
         gl.drawArrays(gl.TRIANGLES, 0, 6 * CELLS * CELLS);
       } else gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);

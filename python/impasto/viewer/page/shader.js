@@ -137,9 +137,9 @@ export function fragment(doc, { layer, coat, near, nearView, environment, linear
   };
   const sum = (prefix, columns) => Array.from({ length: k }, (_, i) => `${read(prefix + i)} * ${columns}[${i}]`).join(" + ");
   const body = {
-    picture: () => (doc.basis ? relit(doc, read, end) : (environment ? surrounded : lit)(doc, { coat, near, nearView, mirror, read, sum, end })),
+    picture: () => (doc.basis ? relit(doc, read, end) : (environment ? surrounded : lit)(doc, { coat, near, nearView, read, end })),
     colour: () => `shown = vec4(encoded(${sum("diffuse", "uFlat")}), 1.0);`,
-    normals: () => `shown = vec4(0.5 * vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0 + 0.5, 1.0);`,
+    normals: () => `shown = vec4(0.5 * ${normal(doc, read)} + 0.5, 1.0);`,
     width: () => strongest(doc, "wide", mirror, read, sum),
     strength: () => strongest(doc, "strength", mirror, read, sum),
     ...Object.fromEntries(doc.quality.map(name => [name, () => {
@@ -221,8 +221,13 @@ ${clipped ? `  if (((at.x + at.y) & 3) < 2) {
     else if (min(colour.r, min(colour.g, colour.b)) < -1e-3) shown.rgb = vec3(${MARKS.outside});
   }` : ""}`);
 
+// Where a pixel lies, its normal, and what a varnish leaves of its lobes.
+const PLACE = "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);";
+const normal = (doc, read) => `vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0`;
+const keeping = (doc, read) => `  float kept = uBeneath.x${doc.model !== "lafortune" && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};`;
+
 // The light of a lamp that a pixel reflects: of each coefficient, and of what is mirrored in its own colour.
-function lit(doc, { coat, near, nearView, mirror, read, end }) {
+function lit(doc, { coat, near, nearView, read, end }) {
   const k = Array.from({ length: doc.coefficients }, (_, i) => i), { before, lobe } = MODELS[doc.model];
   const lobes = doc.lobes.map(({ tinted }, number) => {
     const value = `${coat ? "kept * " : ""}${lobe(...shapeNames(doc).map(name => read(name + number)))}`, strength = `strength${number}_`;
@@ -230,9 +235,9 @@ function lit(doc, { coat, near, nearView, mirror, read, end }) {
     return `  value = ${value};\n${k.map(i => `  c${i} += value * ${read(strength + i)};`).join("\n")}`;
   });
   if (coat) lobes.push(`  specular += uCoat.x * ${lobe("uCoat.y", "uCoat.z", "uCoat.w")};`);
-  return `vec3 n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
+  return `vec3 n = ${normal(doc, read)};
   float reach = 1.0;
-${near || nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
+${near || nearView ? PLACE : ""}
 ${near ? `  vec3 way = uLight - at_mm;
   float inverse = inversesqrt(dot(way, way));
   vec3 light = way * inverse;
@@ -243,7 +248,7 @@ ${near ? `  vec3 way = uLight - at_mm;
 ${doc.coated ? "  matte = n_l > 0.0 && n_v > 0.0 ? matte * transmission(n_l) * transmission(n_v) : 0.0;" : ""}
 ${k.map(i => `  float c${i} = matte * ${read(`diffuse${i}`)}${doc.ambient ? ` + uAmounts.z * ${read(`ambient${i}`)}` : ""};`).join("\n")}
   float specular = 0.0, value;
-${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
+${coat ? keeping(doc, read) : ""}
 ${lobes.length ? `  float gloss = n_l > 0.0 && n_v > 0.0 ? uAmounts.y * reach : 0.0;\n${before(!near && !nearView)}` : ""}
 ${lobes.join("\n")}
   vec3 colour = ${k.map(i => `c${i} * uDiffuse[${i}]`).join(" + ")}${lobes.length ? " + specular * uInterface" : ""};
@@ -258,7 +263,7 @@ function relit(doc, read, end) {
 }
 
 // The light of an environment that a pixel reflects: of each channel its irradiance and what the lobes mirror.
-function surrounded(doc, { coat, nearView, mirror, read, sum, end }) {
+function surrounded(doc, { coat, nearView, read, end }) {
   const channels = prefix => Array.from({ length: doc.coefficients }, (_, i) =>
     `${read(prefix + i)} * (e.r * uChannels[${i}] + e.g * uChannels[${doc.coefficients + i}] + e.b * uChannels[${2 * doc.coefficients + i}])`).join(" + ");
   const kept = coat ? "kept * " : "";
@@ -267,14 +272,14 @@ function surrounded(doc, { coat, nearView, mirror, read, sum, end }) {
     if (lobe.tinted) return `  e = ${kept}uAmounts.y * reflected(${shape});\n  colour += ${channels(`strength${number}_`)};`;
     return `  specular += ${kept}uAmounts.y * ${read(`strength${number}_0`)} * reflected(${shape});`;
   });
-  return `n = vec3(${["x", "y", "z"].map(read).join(", ")}) / ${doc.unit}.0;
-${nearView ? "  vec3 at_mm = vec3(uFirst + vec2(gl_FragCoord.x - 0.5, 0.5 - gl_FragCoord.y) * uStep, 0.0);" : ""}
+  return `n = ${normal(doc, read)};
+${nearView ? PLACE : ""}
   view = ${nearView ? "normalize(uView - at_mm)" : "uView"};
   vec3 e = uAmounts.x * texture(uIrradiance, projected(n, ${SPREADS.irradiance.toFixed(1)})).rgb;
 ${doc.coated ? "  float n_v = dot(n, view);\n  e *= n_v > 0.0 ? transmission(n_v) : 0.0;" : ""}
   vec3 colour = ${channels("diffuse")}, specular = vec3(0.0);
   place = projected(n, ${SPREADS.lobes});
-${coat ? `  float kept = uBeneath.x${!mirror && doc.beneath ? ` + uBeneath.y * ${read("beneath")}` : ""};` : ""}
+${coat ? keeping(doc, read) : ""}
 ${lobes.join("\n")}
 ${coat ? "  specular += uAmounts.y * uCoat.x * reflected(uCoat.y, uCoat.z, uCoat.w);" : ""}
   colour += specular.r * uFaces[0] + specular.g * uFaces[1] + specular.b * uFaces[2];
@@ -316,8 +321,9 @@ ${displaced ? `  int cell = gl_VertexID / 6, corner = gl_VertexID % 6;
   // Two triangles: corners 0 1 2 and 2 1 3.
   int which = corner < 3 ? corner : corner == 3 ? 2 : corner == 4 ? 1 : 3;
   ivec2 node = ivec2(cell % uCells, cell / uCells) + ivec2(which & 1, which >> 1);
-  vTexture = vec2(node) / float(uCells);
-  ivec2 texel = min(ivec2(vTexture * vec2(uTexels)), uTexels - 1);
+  // A pixel beyond each edge: tiles that stand at other heights there show no gap.
+  vTexture = (vec2(node) / float(uCells) - 0.5) * (1.0 + 2.0 / vec2(uTexels)) + 0.5;
+  ivec2 texel = clamp(ivec2(vTexture * vec2(uTexels)), ivec2(0), uTexels - 1);
   float height = texelFetch(uHeights, ivec3(texel, ${at >> 2}), 0).${"xyzw"[at & 3]};` : `  vTexture = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));`}
   vec2 place = uTile.xy + vTexture * uTile.zw;
   vPainting = place / uSize;

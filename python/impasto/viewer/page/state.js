@@ -1,5 +1,7 @@
 // What the page shows, as one object, and as the text behind # in its address.
 
+import { clamp } from "./numbers.js";
+
 const RADIANS = Math.PI / 180;
 
 export const directionOf = (azimuth, elevation) => {
@@ -86,7 +88,7 @@ export function stateOfText(text, doc) {
   const numbers = (name, limits) => {
     const values = (given.get(name) ?? "").split(",").map(word => (word === "" ? NaN : Number(word)));
     if (values.length !== limits.length || !values.every(Number.isFinite)) return null;
-    return values.map((value, i) => Math.min(Math.max(value, limits[i][0]), limits[i][1]));
+    return values.map((value, i) => clamp(value, limits[i][0], limits[i][1]));
   };
   const one = (name, allowed, usual) => (allowed.includes(given.get(name)) ? given.get(name) : usual);
   const light = numbers("light", [[-360, 720], [LOWEST, 90]]);
@@ -110,7 +112,7 @@ export function stateOfText(text, doc) {
   state.relief = numbers("relief", [[0, 10]])?.[0] ?? 1;
   const beside = (compare, split) => {
     if (compare === "difference") state.compare = compare;
-    if (split && Number.isFinite(Number(split))) state.split = Math.min(Math.max(Number(split), 0), 1);
+    if (split && Number.isFinite(Number(split))) state.split = clamp(Number(split), 0, 1);
   };
   const [number, ...photographed] = (given.get("photograph") ?? "").split(",");
   if (doc.against && given.has("against")) {

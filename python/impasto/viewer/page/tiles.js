@@ -1,49 +1,15 @@
-// Tiles by name: fetched as scripts, which also works from a disk, and decompressed.
+// Tiles by name: asked for, decompressed and kept.
 
 const LARGEST_TILE = 64 << 20; // bytes of a decompressed tile: 256 x 256 texels of 1 kB
 const AT_ONCE = 6;
 
-// Each script calls window.impasto.arrived(name, data) with base64: of gzip for a tile, of PNG for a photograph.
-export function scriptSource(folder) {
-  const waiting = new Map();
-  window.impasto.arrived = (name, data) => waiting.get(name)?.(data);
-  const load = name => new Promise((resolve, reject) => {
-    const element = document.createElement("script");
-    const done = (settle, value) => {
-      waiting.delete(name);
-      element.remove();
-      settle(value);
-    };
-    waiting.set(name, data => done(resolve, data));
-    element.onload = () => waiting.has(name) && done(reject, new Error(`${name} holds nothing`));
-    element.onerror = () => done(reject, new Error(`${name} is missing`));
-    element.src = `${folder}${name}.js`;
-    document.head.append(element);
-  }).then(bytesOf);
-  return {
-    // `folder`: before the names of the tiles of another painting.
-    tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
-    effects: () => load("effects").then(jsonOf),
-    // An image from a file would not be readable by WebGL: a page from a disk has no origin.
-    photograph: number => load(`photographs/${number}`).then(pictureOf),
-    environment: number => load(`environments/${number}`).then(decompressed),
-    samples: (row, column) => load(`samples/${row}-${column}`).then(jsonOf),
-  };
-}
-
-function bytesOf(data) {
-  const text = atob(data), bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  return bytes;
-}
-
-export const jsonOf = bytes => JSON.parse(new TextDecoder().decode(bytes));
+const jsonOf = bytes => JSON.parse(new TextDecoder().decode(bytes));
 
 // The codes of a PNG as they are.
-export const pictureOf = bytes =>
+const pictureOf = bytes =>
   createImageBitmap(new Blob([bytes], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 
-export async function decompressed(bytes) {
+async function decompressed(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")).getReader();
   const parts = [];
   for (let size = 0; ;) {
@@ -55,6 +21,17 @@ export async function decompressed(bytes) {
   }
   return new Blob(parts).arrayBuffer();
 }
+
+// What the files of a painting hold, of what loads the bytes of one by its name.
+export const filesOf = load => ({
+  // `folder`: before the names of the tiles of another painting.
+  tile: (name, folder = "") => load(`${folder}tiles/${name}`).then(decompressed),
+  effects: () => load("effects").then(jsonOf),
+  // An image from a file would not be readable by WebGL: a page from a disk has no origin.
+  photograph: number => load(`photographs/${number}`).then(pictureOf),
+  environment: number => load(`environments/${number}`).then(decompressed),
+  samples: (row, column) => load(`samples/${row}-${column}`).then(jsonOf),
+});
 
 export class Tiles {
   constructor(source, arrived, folder) {

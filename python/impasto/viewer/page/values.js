@@ -1,5 +1,6 @@
 // What is known of one pixel, and its lobes as functions: the formulas of the shader, for plots.
 
+import { clamp } from "./numbers.js";
 import { applied, encodeSrgb, labFromXyz } from "./colour.js";
 import { pixelSum } from "./basis.js";
 import { groupsOf, numberAt } from "./half.js";
@@ -98,7 +99,7 @@ export function lobeValue(model, shape, index, light, view) {
   const sum = light.map((value, i) => value + view[i]), extent = Math.hypot(...sum);
   if (extent < 1e-3) return 0;
   const half = sum.map(value => value / extent), v_h = Math.min(extent / 2, 1);
-  const width = Math.min(Math.max(shape[0], 5e-4), 1.25);
+  const width = clamp(shape[0], 5e-4, 1.25);
   const phi = 2 * Math.asin(Math.min(1, Math.hypot(half[0], half[1], half[2] - 1) / 2));
   const masked = 2 / v_h * half[2];
   const attenuation = Math.min(masked, 1 / n_v, masked * n_l / n_v);
