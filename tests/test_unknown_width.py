@@ -123,3 +123,13 @@ def test_exports_say_that_a_size_stands_in(fitted: impasto.Sbrdf, tmp_path: Path
     assert abs(known.p95 - report.p95) < 0.05
     export.to("openlime", fitted, tmp_path / "layers")
     assert "pixelSizeInMM" not in json.loads((tmp_path / "layers" / "layers.json").read_text())
+
+
+def test_the_smaller_scales_of_a_job_have_no_unit(fitted: impasto.Sbrdf, tmp_path: Path) -> None:
+    stack = photographs(np.inf, np.inf)[1]
+    for name, rig, unit in (("a", fitted.rig, None), ("b", Rig(spiral(40), pitch_mm=2.0), "mm")):
+        taken = stack._replace(rig=rig)
+        store = impasto.run(taken, tmp_path / f"{name}.zarr", pooling="painting", tile=16)
+        ome = json.loads((store / "zarr.json").read_text())["attributes"]["ome"]
+        axes = ome["multiscales"][0]["axes"][1:]
+        assert [axis.get("unit") for axis in axes] == 2 * [unit and "millimeter"]

@@ -179,7 +179,7 @@ def compare(
         extent, clusters = connected.clusters(
             summary.comparable,
             resampled=placed.report.sigma > 0.0,
-            pitch_mm=frames[0].result.pitch_mm,
+            pitch_mm=frames[0].result.known_pitch_mm,
         )
         return Comparison(
             shape=shape,
@@ -207,7 +207,7 @@ def compare(
         for name, plane in maps.items():
             whole.setdefault(name, np.empty(shape, plane.dtype))[grid.window(tile)] = plane
     if normals is not None:
-        whole["height"] = _heights(normals, frames[0].result.pitch_mm)
+        whole["height"] = _heights(normals, frames[0].result.known_pitch_mm)
     return result(ComparisonMaps(**whole), None)
 
 

@@ -124,7 +124,7 @@ def complete(
     text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
     painting = StoredSbrdf(StoredMaps(folder, text, described), {})
     levels, crcs = write_levels(folder, painting, half, precision)
-    multiscales = multiscales_of(described, levels, painting.pitch_mm)
+    multiscales = multiscales_of(described, levels, painting.known_pitch_mm)
     group = group_metadata(numbers, described, levels, multiscales, statistics)
     last = {METADATA: group}
     atomic_together({folder / name: data for name, data in last.items()})
