@@ -11,6 +11,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.beginning import held
 from impasto.jobs.cluster import checked_client
 from impasto.jobs.folder import (
     NOTES,
@@ -152,26 +153,27 @@ def _repeated(
         raise ArgumentError(f"source: this job reads {record.source}; leave source out")
     client = checked_client(client, source)
     budget = bytes_of(memory)
-    photographs = open_photographs(
-        record.source if source is None else source,
-        record.reading,
-        budget // 2,
-        record.curve,
-    )
-    curve = photographs.encoding
-    found = replace(
-        record,
-        version=_core.build_info()["version"],
-        encoding=(curve.curve, float(curve.white)),
-        inputs=photographs.inputs(),
-        shape=photographs.shape,
-        notes=photographs.notes,
-    )
-    refuse_changes(record, found, store)
-    return carry_out(
-        found, photographs, target, record,
-        memory=budget, client=client, threads=threads, progress=progress,
-    )  # fmt: skip
+    with held(target) as own:
+        photographs = open_photographs(
+            record.source if source is None else source,
+            record.reading,
+            budget // 2,
+            record.curve,
+        )
+        curve = photographs.encoding
+        found = replace(
+            record,
+            version=_core.build_info()["version"],
+            encoding=(curve.curve, float(curve.white)),
+            inputs=own.hashes(photographs),
+            shape=photographs.shape,
+            notes=photographs.notes,
+        )
+        refuse_changes(record, found, store)
+        return carry_out(
+            found, photographs, target, own,
+            memory=budget, client=client, threads=threads, progress=progress,
+        )  # fmt: skip
 
 
 def _differ(one: Path, two: Path) -> bool:
