@@ -1,14 +1,20 @@
-"""Memory that runs out, everywhere: ``python tests/memory_limits.py --limits 60``.
+"""Memory that runs out, everywhere: ``python tests/memory_limits.py --limits 60 --record``.
 
 Each call is made in children whose memory is limited (``RLIMIT_AS``) to more and more beside what
 the program has: from nothing to more than the call needs. A child must end with a result or with
 ``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack)
 or another exception is a fault.
+
+The least memory with which a call gives its result is found by bisection first. Three quarters of
+the limits lie below it, where every one stops the call at another of its allocations; the rest lie
+between it and what the call takes where nothing limits it, which is more: threads reserve room for
+heaps of their own, and do without where there is none.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import sys
@@ -25,6 +31,8 @@ from impasto import io
 
 RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
+PAGE = 4096
+RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "faults.json"
 SPARE = 48 << 20
 """Bytes that the last limit is above what the call took: what must stay free beside a map."""
 
@@ -40,8 +48,10 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     sbrdf = impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=1)
     height = random.uniform(0.0, 0.3, (size, size)).astype(np.float32)
     scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
-    io.write_tiff16(folder / "a.tif", samples[0])
-    io.write_exr(folder / "a.exr", {"Y": samples[0, 0]})
+    # Larger than what the program has free anyway.
+    large = random.uniform(0.0, 1.0, (3, 4 * size, 4 * size)).astype(np.float32)
+    io.write_tiff16(folder / "a.tif", large)
+    io.write_exr(folder / "a.exr", {"Y": large[0]})
     part = stack[: size // 4, : size // 4]
     return {
         "integrate_normals": lambda: impasto.integrate_normals(
@@ -96,19 +106,44 @@ def _bytes(name: str) -> int:
     return 1024 * int(found)
 
 
+def enough(call: Callable[[], Any], most: int) -> int:
+    """The least room with which a call gives its result, to a hundredth of it or a page."""
+    least = 0
+    while most - least > max(PAGE, most // 100):
+        middle = (least + most) // 2
+        if limited(call, middle)[0] == RESULT:
+            most = middle
+        else:
+            least = middle
+    return most
+
+
 def sweep(call: Callable[[], Any], limits: int) -> Counter[int]:
     """How a call ends under so many limits."""
-    ending, needed = limited(call, None)
+    ending, taken = limited(call, None)
     if ending != RESULT:
         raise RuntimeError(f"it ends with {ending} where memory is not limited")
+    most = taken + SPARE
+    needed = enough(call, most)
+    below = 3 * limits // 4
+    rooms = [needed * step // below for step in range(below)]
+    beyond = limits - below
+    rooms += [needed + (most - needed) * (step + 1) // beyond for step in range(beyond)]
     found: Counter[int] = Counter()
-    for step in range(limits):
-        room = (needed + SPARE) * (step + 1) // limits
+    for room in rooms:
         ending, _ = limited(call, room)
         if ending not in {RESULT, REFUSED}:
-            os.write(2, f"  {ending} with {room >> 20} of {needed >> 20} MB\n".encode())
+            os.write(2, f"  {ending} with {room} of {needed} bytes\n".encode())
         found[ending] += 1
     return found
+
+
+def recorded(rows: list[dict[str, Any]], words: str) -> None:
+    """Into the record of faults, beside what else it holds."""
+    content = json.loads(RECORD.read_text(encoding="utf-8"))
+    content["memory"] = rows
+    content["run"]["memory"] = f"python tests/memory_limits.py {words}"
+    RECORD.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> int:
@@ -116,20 +151,24 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("calls", nargs="*", help="default: all")
     options.add_argument("--limits", type=int, default=60)
-    options.add_argument("--size", type=int, default=640)
+    options.add_argument("--size", type=int, default=320)
+    options.add_argument("--record", action="store_true")
     chosen = options.parse_args()
-    faults = 0
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         known = calls(chosen.size, Path(name))
         for one in chosen.calls or known:
             found = sweep(known[one], chosen.limits)
             wrong = sum(count for ending, count in found.items() if ending not in {RESULT, REFUSED})
-            faults += wrong
+            row = {"results": found[RESULT], "refused": found[REFUSED], "faults": wrong}
+            rows.append({"call": one, "limits": chosen.limits, **row})
             sys.stdout.write(
                 f"{one}: {found[RESULT]} results, {found[REFUSED]} MemoryError, {wrong} faults\n"
             )
             sys.stdout.flush()
-    return int(faults > 0)
+    if chosen.record:
+        recorded(rows, f"--limits {chosen.limits} --record")
+    return int(any(row["faults"] for row in rows))
 
 
 if __name__ == "__main__":
