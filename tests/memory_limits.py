@@ -2,8 +2,8 @@
 
 Each call is made in children whose memory is limited (``RLIMIT_AS``) to more and more beside what
 the program has: from nothing to more than the call needs. A child must end with a result or with
-``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack)
-or another exception is a fault.
+``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack),
+another exception, or a wait without end is a fault.
 
 The least memory with which a call gives its result is found by bisection first. Three quarters of
 the limits lie below it, where every one stops the call at another of its allocations; the rest lie
@@ -17,6 +17,8 @@ import argparse
 import json
 import os
 import resource
+import select
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -33,6 +35,8 @@ RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
 PAGE = 4096
 RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "faults.json"
+WAIT = 60.0
+"""Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
 SPARE = 48 << 20
 """Bytes that the last limit is above what the call took: what must stay free beside a map."""
 
@@ -76,6 +80,8 @@ def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
         _child(call, room, writing)
     os.close(writing)
     with os.fdopen(reading) as told:
+        if not select.select([told], [], [], WAIT)[0]:
+            os.kill(child, signal.SIGALRM)  # it waits for ever
         taken = told.read()
     _, status = os.waitpid(child, 0)
     return os.waitstatus_to_exitcode(status), int(taken or 0)

@@ -6,11 +6,15 @@ photograph or the flush of a disk is one step each. The numerics look for it the
 
 from __future__ import annotations
 
+import _thread
+import atexit
 import contextvars
+import os
 import threading
+import weakref
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import ParamSpec, TypeVar
+from concurrent.futures import Future, wait
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,33 +33,71 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
     what others hold nor call the numerics, which listen to the thread that was asked for them. A
     program that ends waits for it. Where no thread can be started, the caller's takes the step.
 
+    The thread is none of ``threading``: the ``start`` of those waits for ever where memory ends
+    while the new thread is set up (python/cpython#140746).
+
     Returns
     -------
     Any
         What the step returns; what it raises is raised here.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.get_ident() != threading.main_thread().ident:
         return step(*args, **options)  # signals come to the main thread only
     outcome: Future[Found] = Future()
     context = contextvars.copy_context()  # numpy's error state among others
+    begun = ended = False
 
-    def work() -> None:
+    def work(_: _Alive) -> None:
+        nonlocal begun, ended
+        begun = True
         try:
             outcome.set_result(context.run(step, *args, **options))
         except BaseException as error:
             outcome.set_exception(error)
+        finally:
+            ended = True
+            _UNDER_WAY.discard(outcome)
 
+    token = _Alive()
+    alive = weakref.ref(token)
+    _UNDER_WAY.add(outcome)
     try:
-        threading.Thread(target=work, name="impasto-step").start()
+        _thread.start_new_thread(work, (token,))
     except RuntimeError:  # the system has no memory for its stack
+        _UNDER_WAY.discard(outcome)
         return step(*args, **options)
+    del token
     while True:
         try:
             return outcome.result(HEARTBEAT)
         except TimeoutError:
+            over = ended or alive() is None
             if outcome.done():
                 # At the last moment; or its own error.
                 return outcome.result()
+            if over:
+                break
+    # The thread had no memory to begin with, or none to say what it found.
+    _UNDER_WAY.discard(outcome)
+    if begun:
+        raise MemoryError
+    return step(*args, **options)
+
+
+class _Alive:
+    """Only a thread holds it: gone when the thread is, however that ended."""
+
+
+_UNDER_WAY: set[Future[Any]] = set()
+
+
+@atexit.register
+def _wait_for_all() -> None:
+    wait(list(_UNDER_WAY))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_UNDER_WAY.clear)
 
 
 def floats(values: ArrayLike) -> NDArray[np.float32]:
