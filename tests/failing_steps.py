@@ -39,7 +39,9 @@ from killed_jobs import tree
 
 STEPS = ("open", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "link", "truncate")
 """Functions of ``os``; writes come on top."""
-LOCK = "job/lock"
+LOCKS = {"job/lock", "merge/lock"}
+LAST = 4
+"""Steps of a store from its last name on: rename, the end of its lock, two flushed folders."""
 ERRORS = (errno.ENOSPC, errno.EIO)
 OPTIONS: dict[str, Any] = {"pooling": "none", "normals": "least-squares", "tile": 16, "threads": 1}
 
@@ -53,19 +55,20 @@ class Steps:
     folder
         Of other files no step is counted.
     failing
-        The number of the step that fails, from 1 on; 0: none.
+        The number of the step that fails, from 1 on; 0: none. Or what it is, and the how manieth
+        of its kind: threads that make the same folders take a step more or less.
     error
         Its error.
-    count
+    taken
         Steps so far.
     failed
         Name of the step that failed, and what it was about.
     """
 
     folder: Path
-    failing: int = 0
+    failing: int | tuple[str, int] = 0
     error: int = errno.EIO
-    count: int = 0
+    taken: list[str] = field(default_factory=list)
     failed: str = ""
     lock: threading.Lock = field(default_factory=threading.Lock)
     handles: dict[int, str] = field(default_factory=dict)
@@ -76,10 +79,11 @@ class Steps:
         if not isinstance(named, str) or not named.startswith(str(self.folder)):
             return
         with self.lock:
-            self.count += 1
-            if self.count != self.failing:
+            told = f"{name} {Path(named).relative_to(self.folder)}"
+            self.taken.append(told)
+            if self.failing not in (len(self.taken), (told, self.taken.count(told))):
                 return
-            self.failed = f"{name} {Path(named).relative_to(self.folder)}"
+            self.failed = told
         # What is about a handle names no file, as in reality.
         about = () if isinstance(file, int) else (named,)
         raise OSError(self.error, os.strerror(self.error), *about)
@@ -228,22 +232,26 @@ class Seen:
 
 
 def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
-    """Let every step of a call fail, or every so manieth from the first and up to the last."""
+    """Let every step of a call fail, or every so manieth from the first, and its last ones."""
     seen = Seen()
-    whole = folder / f"whole{suffix}"
-    call.prepare(whole)
-    with counted(Steps(folder)) as steps:
-        call.write(whole)
-    seen.steps = steps.count
-    expected = content(whole)
-    chosen = sorted({*range(1, seen.steps + 1, every), seen.steps})
-    for number in chosen:
-        one = folder / "one"
-        one.mkdir()
-        call.prepare(one / f"a{suffix}")
-        error = ERRORS[number // every % 2]
-        _one(call.write, one / f"a{suffix}", Steps(one, number, error), expected, seen)
+    one = folder / "one"
+    out = one / f"a{suffix}"
+    one.mkdir()
+    call.prepare(out)
+    with counted(Steps(one)) as steps:
+        call.write(out)
+    taken = steps.taken
+    seen.steps = len(taken)
+    expected = content(out)
+    early = range(1, max(seen.steps - LAST, 0) + 1, every)
+    last = range(max(seen.steps - LAST, 0), seen.steps)
+    chosen = [*early, *((taken[k], taken[: k + 1].count(taken[k])) for k in last)]
+    for k, failing in enumerate(chosen):
         shutil.rmtree(one)
+        one.mkdir()
+        call.prepare(out)
+        _one(call.write, out, Steps(one, failing, ERRORS[k % 2]), expected, seen)
+    shutil.rmtree(one)
     return seen
 
 
@@ -262,7 +270,7 @@ def _one(
     seen: Seen,
 ) -> None:
     def wrong(words: str) -> None:
-        seen.faults.append(f"step {steps.failing}, {steps.failed}: {words}")
+        seen.faults.append(f"{steps.failed}: {words}")
 
     ended: BaseException | None = None
     earlier = _hidden(out.parent)
@@ -287,8 +295,8 @@ def _one(
         seen.ignored[steps.failed.split()[0]] += 1
     else:
         seen.endings["the error"] += 1
-    # A finished job loses its lock after it got its name; the next call takes it away.
-    if out.exists() and {n: c for n, c in content(out).items() if n != LOCK} != expected:
+    # A finished store loses its lock after it got its name; the next call takes it away.
+    if out.exists() and {n: c for n, c in content(out).items() if n not in LOCKS} != expected:
         wrong("something is there that is not whole")
     if ended is None and not out.exists():
         wrong("there is no error, and no result")

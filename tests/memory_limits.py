@@ -14,6 +14,7 @@ heaps of their own, and do without where there is none.
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
 import os
 import resource
@@ -34,6 +35,8 @@ from impasto import io
 RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
 PAGE = 4096
+MMAP_THRESHOLD = -3
+"""``M_MMAP_THRESHOLD`` of glibc's ``mallopt``."""
 RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "faults.json"
 WAIT = 60.0
 """Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
@@ -43,6 +46,8 @@ SPARE = 48 << 20
 
 def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     """Calls on square pictures of so many rows, whose inputs are made here."""
+    # Arrays come from the system and go back to it: else a call finds those of an earlier one.
+    ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, 1 << 18)
     directions = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
     lights = [*directions, (0.3, 0.3, 1)]
     random = np.random.default_rng(1)
@@ -52,7 +57,6 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     sbrdf = impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=1)
     height = random.uniform(0.0, 0.3, (size, size)).astype(np.float32)
     scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
-    # Larger than what the program has free anyway.
     large = random.uniform(0.0, 1.0, (3, 4 * size, 4 * size)).astype(np.float32)
     io.write_tiff16(folder / "a.tif", large)
     io.write_exr(folder / "a.exr", {"Y": large[0]})

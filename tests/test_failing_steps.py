@@ -25,7 +25,7 @@ EVERY = {
     "export": 160,
     "render": 5,
 }
-"""Of so many steps one fails, and the last; every one of the ten of a height."""
+"""Of so many steps one fails, and the last four; every one of the ten of a height."""
 
 
 @pytest.fixture(scope="module")

@@ -84,7 +84,7 @@ def test_a_job_that_goes_on_is_seen_while_its_photographs_are_hashed(
     seen: list[jobs.JobStatus] = []
     look = while_hashing(lambda done, total: seen.append(jobs.status(out)))
     monkeypatch.setattr(reading, "file_entries", look)
-    jobs.resume(out, memory=OPTIONS["memory"])
+    jobs.resume(out, memory="4MB")
     assert {(one.state, one.phase, one.tiles_done) for one in seen} == {("running", "reading", 2)}
 
 

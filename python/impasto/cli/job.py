@@ -405,6 +405,7 @@ def _worked(
         with (
             terminated_as_interrupted(),
             connected(scheduler) as client,
+            stages.warned(),
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
             pace = _Pace(out)

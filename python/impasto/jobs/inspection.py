@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -243,8 +245,19 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
         )
     raise ArgumentError(
         f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
-        "given as out"
+        f"given as out{_jobs_beside(target)}"
     )
+
+
+def _jobs_beside(target: Path) -> str:
+    """The jobs of the same folder, of which one may be meant."""
+    with suppress(OSError):
+        records = sorted(target.absolute().parent.glob(f"*/{NOTES}/{RECORD}"))
+        names = [store_name(record.parents[1]).name for record in records]
+        beginning = [name for name in names if name.startswith(target.name)]
+        if near := (beginning or difflib.get_close_matches(target.name, names, n=1)):
+            return f"; did you mean {near[0]!r}?"
+    return ""
 
 
 def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:

@@ -43,7 +43,7 @@ from impasto.jobs.grid import (
 )
 from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_from
-from impasto.jobs.lock import LOCK
+from impasto.jobs.lock import release
 from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
 from impasto.jobs.record import JobRecord, plain
 from impasto.jobs.tiles import TileLog, fit_tiles
@@ -228,7 +228,7 @@ def carry_out(
     """
     if target.exists():
         check_finished(target, record.grid)
-        (target / NOTES / LOCK).unlink(missing_ok=True)  # of a process killed in its last step
+        release(target / NOTES)
         return target
     partial = partial_of(target)
     begun = (partial / NOTES / RECORD).exists()
@@ -321,7 +321,7 @@ def _carried_out(
     with as_problem_of(target):
         partial.rename(target)
         # Not before: another process could take a lock of its own.
-        (target / NOTES / LOCK).unlink()
+        release(target / NOTES)
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target

@@ -63,6 +63,16 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
+def release(folder: Path) -> None:
+    """Remove the lock file of a finished store, if it is there.
+
+    This is the last step of a process, after the store has got its name. Where it fails, the next
+    call of that name does it.
+    """
+    with as_problem_of(folder / LOCK):
+        (folder / LOCK).unlink(missing_ok=True)
+
+
 def holder(folder: Path) -> int | None:
     """The process that holds the lock of a folder; None if there is none."""
     import fcntl

@@ -25,7 +25,7 @@ from impasto.jobs.checksums import CHECKSUMS, checksums_file
 from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamaged
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
-from impasto.jobs.lock import LOCK, locked
+from impasto.jobs.lock import locked, release
 from impasto.jobs.tiles import NUMBERS, PACE, EncodedTile, TileLog
 from impasto.merge.blend import Mosaic
 from impasto.merge.frames import Frame
@@ -82,7 +82,7 @@ def write_store(
             sync_folders(partial)
             partial.rename(target)
             # Not before: another process could take a lock of its own.
-            (target / NOTES / LOCK).unlink()
+            release(target / NOTES)
             sync_folder(target / NOTES)
             sync_folder(target.parent)
 
@@ -118,6 +118,12 @@ def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
             "another version; remove that folder, or give another name"
         )
     return undamaged(found, partial, notes, grid)
+
+
+def release_finished(target: Path) -> None:
+    """Remove the lock that a merge of this name left in its last step."""
+    if (target / REPORT).is_file():
+        release(target / NOTES)
 
 
 def check_begun(target: Path) -> None:
