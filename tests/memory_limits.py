@@ -7,8 +7,7 @@ another exception, or a wait without end is a fault.
 
 The least memory with which a call gives its result is found by bisection first. Three quarters of
 the limits lie below it, where every one stops the call at another of its allocations; the rest lie
-between it and what the call takes where nothing limits it, which is more: threads reserve room for
-heaps of their own, and do without where there is none.
+between it and what the call takes where nothing limits it, which may be more.
 """
 
 from __future__ import annotations
@@ -35,8 +34,9 @@ from impasto import io
 RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
 PAGE = 4096
-MMAP_THRESHOLD = -3
-"""``M_MMAP_THRESHOLD`` of glibc's ``mallopt``."""
+LIBC = ctypes.CDLL(None)
+MMAP_THRESHOLD, ARENA_MAX = -3, -8
+"""Parameters of glibc's ``mallopt``."""
 RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "faults.json"
 WAIT = 60.0
 """Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
@@ -46,8 +46,10 @@ SPARE = 48 << 20
 
 def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     """Calls on square pictures of so many rows, whose inputs are made here."""
-    # Arrays come from the system and go back to it: else a call finds those of an earlier one.
-    ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, 1 << 18)
+    # Arrays come from the system and go back to it, and threads reserve no heaps of their own:
+    # else a call finds room in those of an earlier one.
+    LIBC.mallopt(MMAP_THRESHOLD, 1 << 18)
+    LIBC.mallopt(ARENA_MAX, 1)
     directions = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
     lights = [*directions, (0.3, 0.3, 1)]
     random = np.random.default_rng(1)
@@ -94,6 +96,7 @@ def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
 def _child(call: Callable[[], Any], room: int | None, writing: int) -> None:
     ending = FAULT
     try:
+        LIBC.malloc_trim(0)
         before = _bytes("VmSize")
         if room is not None:
             resource.setrlimit(resource.RLIMIT_AS, (before + room, resource.RLIM_INFINITY))
