@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import json
 import os
 import resource
 import select
@@ -30,6 +29,7 @@ import numpy as np
 
 import impasto
 from impasto import io
+from recorded_faults import recorded
 
 RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
@@ -37,7 +37,6 @@ PAGE = 4096
 LIBC = ctypes.CDLL(None)
 MMAP_THRESHOLD, ARENA_MAX = -3, -8
 """Parameters of glibc's ``mallopt``."""
-RECORD = Path(__file__).resolve().parents[1] / "benches" / "results" / "faults.json"
 WAIT = 60.0
 """Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
 SPARE = 48 << 20
@@ -151,14 +150,6 @@ def sweep(call: Callable[[], Any], limits: int) -> Counter[int]:
     return found
 
 
-def recorded(rows: list[dict[str, Any]], words: str) -> None:
-    """Into the record of faults, beside what else it holds."""
-    content = json.loads(RECORD.read_text(encoding="utf-8"))
-    content["memory"] = rows
-    content["run"]["memory"] = f"python tests/memory_limits.py {words}"
-    RECORD.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
 def main() -> int:
     """Try all calls, or those that are named; 1 if there is a fault."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -180,7 +171,7 @@ def main() -> int:
             )
             sys.stdout.flush()
     if chosen.record:
-        recorded(rows, f"--limits {chosen.limits} --record")
+        recorded("memory", rows, f"python tests/memory_limits.py --limits {chosen.limits} --record")
     return int(any(row["faults"] for row in rows))
 
 
