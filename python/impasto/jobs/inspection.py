@@ -22,6 +22,7 @@ from impasto.jobs.folder import (
     NOTES,
     READING,
     RECORD,
+    SUFFIX,
     check_journal,
     has_begun,
     numbers_problem,
@@ -36,8 +37,10 @@ from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 from impasto.report import file_entry
 
-SHARD = r"[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
-"""Names of the files of maps in a store."""
+SHARD = r"(levels/2/)?[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
+"""Names of the files of a tile in a store: its maps, also at half their scale, and statistics."""
+ALIKE = 0.75
+"""How much of a name must be that of a job before this is asked for."""
 RECENT = 20
 """Last tiles from which the pace of a job is taken."""
 
@@ -253,11 +256,16 @@ def _jobs_beside(target: Path) -> str:
     """The jobs of the same folder, of which one may be meant."""
     with suppress(OSError):
         records = sorted(target.absolute().parent.glob(f"*/{NOTES}/{RECORD}"))
-        names = [store_name(record.parents[1]).name for record in records]
-        beginning = [name for name in names if name.startswith(target.name)]
-        if near := (beginning or difflib.get_close_matches(target.name, names, n=1)):
-            return f"; did you mean {near[0]!r}?"
+        names = {name.removesuffix(SUFFIX): name for name in (_store_of(one) for one in records)}
+        wanted = target.name.removesuffix(SUFFIX)
+        beginning = [stem for stem in names if stem.startswith(wanted)]
+        if near := (beginning or difflib.get_close_matches(wanted, names, n=1, cutoff=ALIKE)):
+            return f"; did you mean {names[near[0]]!r}?"
     return ""
+
+
+def _store_of(record: Path) -> str:
+    return store_name(record.parents[1]).name
 
 
 def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
