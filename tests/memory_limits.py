@@ -17,6 +17,7 @@ import ctypes
 import os
 import resource
 import select
+import shutil
 import signal
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zarr  # noqa: F401  # not in every child
 
 import impasto
 from impasto import io
@@ -37,7 +39,7 @@ PAGE = 4096
 LIBC = ctypes.CDLL(None)
 MMAP_THRESHOLD, ARENA_MAX = -3, -8
 """Parameters of glibc's ``mallopt``."""
-WAIT = 60.0
+WAIT = 30.0
 """Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
 SPARE = 48 << 20
 """Bytes that the last limit is above what the call took: what must stay free beside a map."""
@@ -72,8 +74,17 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
         "render": lambda: impasto.render(sbrdf, scene, threads=2),
         "cast_shadows": lambda: impasto.cast_shadows(height, 0.1, (0.8, 0.1, 0.3), threads=2),
         "predict": lambda: sbrdf.predict(scene.lights, threads=2),
+        "run": lambda: job(stack, folder / "job.zarr"),
         "read_image": lambda: (io.read_image(folder / "a.tif"), io.read_image(folder / "a.exr")),
     }
+
+
+def job(stack: impasto.Stack, out: Path) -> None:
+    """A job from its beginning, whatever an earlier one has left."""
+    partial = out.with_name(out.name + ".partial")
+    for left in (out, partial):
+        shutil.rmtree(left, ignore_errors=True)
+    impasto.run(stack, out, pooling="none", normals="least-squares", tile=128, threads=2)
 
 
 def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:

@@ -75,12 +75,12 @@ def test_a_thread_that_has_no_memory_to_begin_leaves_the_step_to_the_caller(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As ``start`` of a thread does not: it waits for ever (python/cpython#140746)."""
-    start = _thread.start_new_thread
+    begin = _thread.start_new_thread
 
     def ends_at_once(work: Any, given: Any) -> int:
-        return start(lambda *_: None, given)
+        return begin(lambda *_: None, given)
 
-    monkeypatch.setattr(waiting._thread, "start_new_thread", ends_at_once)
+    monkeypatch.setattr(_thread, "start_new_thread", ends_at_once)
     assert wait_for(threading.get_ident) == threading.main_thread().ident
     assert not waiting._UNDER_WAY
 

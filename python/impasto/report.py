@@ -12,7 +12,6 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto._internal.pools import Pool
 from impasto.errors import ArgumentError
 from impasto.status import Status
 
@@ -95,7 +95,7 @@ def file_entries(
             report(done, total)
 
     add(0)
-    with ThreadPoolExecutor(HASHED, "impasto-hashes") as pool:
+    with Pool(HASHED) as pool:
         found = [pool.submit(_entry, path, None, add) for path in paths]
         try:
             return [one.result() for one in found]

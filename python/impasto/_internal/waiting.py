@@ -6,18 +6,18 @@ photograph or the flush of a disk is one step each. The numerics look for it the
 
 from __future__ import annotations
 
-import _thread
 import atexit
 import contextvars
 import os
 import threading
-import weakref
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from impasto._internal.threads import start
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -33,9 +33,6 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
     what others hold nor call the numerics, which listen to the thread that was asked for them. A
     program that ends waits for it. Where no thread can be started, the caller's takes the step.
 
-    The thread is none of ``threading``: the ``start`` of those waits for ever where memory ends
-    while the new thread is set up (python/cpython#140746).
-
     Returns
     -------
     Any
@@ -45,11 +42,10 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
         return step(*args, **options)  # signals come to the main thread only
     outcome: Future[Found] = Future()
     context = contextvars.copy_context()  # numpy's error state among others
-    begun = ended = False
+    ended = False
 
-    def work(_: _Alive) -> None:
-        nonlocal begun, ended
-        begun = True
+    def work() -> None:
+        nonlocal ended
         try:
             outcome.set_result(context.run(step, *args, **options))
         except BaseException as error:
@@ -58,34 +54,22 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
             ended = True
             _UNDER_WAY.discard(outcome)
 
-    token = _Alive()
-    alive = weakref.ref(token)
     _UNDER_WAY.add(outcome)
     try:
-        _thread.start_new_thread(work, (token,))
-    except RuntimeError:  # the system has no memory for its stack
+        start(work)
+    except MemoryError:
         _UNDER_WAY.discard(outcome)
         return step(*args, **options)
-    del token
     while True:
         try:
             return outcome.result(HEARTBEAT)
         except TimeoutError:
-            over = ended or alive() is None
+            over = ended
             if outcome.done():
                 # At the last moment; or its own error.
                 return outcome.result()
-            if over:
-                break
-    # The thread had no memory to begin with, or none to say what it found.
-    _UNDER_WAY.discard(outcome)
-    if begun:
-        raise MemoryError
-    return step(*args, **options)
-
-
-class _Alive:
-    """Only a thread holds it: gone when the thread is, however that ended."""
+            if over:  # without memory to say what it found
+                raise MemoryError from None
 
 
 _UNDER_WAY: set[Future[Any]] = set()

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event
 from typing import Any, TypeVar
 
+from impasto._internal.pools import Pool
 from impasto.errors import ArgumentError
 from impasto.io.files import as_problem_of
 from impasto.jobs.folder import (
@@ -111,7 +112,7 @@ class Beginning:
     @contextmanager
     def beside(self, work: Callable[[], Done]) -> Iterator[Future[Done]]:
         """Something on a thread of its own, such as :meth:`hashes`, which an error here ends."""
-        with ThreadPoolExecutor(1, "impasto-hashes") as pool:
+        with Pool(1) as pool:
             try:
                 yield pool.submit(work)
             except BaseException:
