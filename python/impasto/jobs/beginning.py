@@ -47,7 +47,7 @@ class Beginning:
         self._lock = ExitStack()
         self._holds = False
         self._stopped = Event()
-        self._told = float("-inf")
+        self._last = float("-inf")
 
     def take(self) -> None:
         """Make the folder if there is none, and lock it.
@@ -123,8 +123,8 @@ class Beginning:
         if self._stopped.is_set():
             raise _StoppedError
         now = time.monotonic()
-        if self._holds and now - self._told > OFTEN:
-            self._told = now
+        if self._holds and now - self._last > OFTEN:
+            self._last = now
             line = json.dumps({"bytes": done, "of": total}, sort_keys=True)
             path = self._notes / READING
             with as_problem_of(path), path.open("a", encoding="utf-8") as file:
