@@ -49,6 +49,7 @@ from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs.journal import read_journal
 from impasto.jobs.record import JobRecord
+from recorded_faults import recorded
 from rti_files import rti_readers
 
 SECONDS = 2.0
@@ -57,6 +58,8 @@ MEGABYTES = 200
 """64 MiB may be decoded at any ratio; libraries hold a copy or two of it."""
 BATCH = 20_000
 """Cases of one process."""
+FIRST_BATCH = 500
+"""Cases from which the pace of a reader is taken."""
 WAIT = 1800.0
 """Seconds after which one of its cases waits for ever."""
 
@@ -342,9 +345,9 @@ def _work(names: list[str], seed: int, first: int, count: int, progress: Path) -
         found = {}
         for one in names:
             path = folder / "case" / f"a{known[one].suffix}"
-            began = time.perf_counter()
+            began = time.process_time()
             tally = run(known[one], one, seed, marked(one), path)
-            found[one] = (tally.outcomes, tally.faults, time.perf_counter() - began)
+            found[one] = (tally.outcomes, tally.faults, time.process_time() - began)
     sys.stdout.write("\n" + json.dumps(found) + "\n")
 
 
@@ -354,7 +357,9 @@ def main() -> int:
     options.add_argument("readers", nargs="*", help="default: all")
     options.add_argument("--cases", type=int, default=1000, help="of each reader")
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--seconds", type=float, help="of a processor, for each reader: as many")
     options.add_argument("--only", type=int, help="one case")
+    options.add_argument("--record", action="store_true")
     options.add_argument("--work", type=Path, help=argparse.SUPPRESS)
     options.add_argument("--first", type=int, default=0, help="number of the first case")
     chosen = options.parse_args()
@@ -365,22 +370,43 @@ def main() -> int:
         chosen.first, chosen.cases = chosen.only, 1
     with tempfile.TemporaryDirectory() as name:
         known = readers(Path(name))
-    failed = False
+    rows = []
     for one in chosen.readers or known:
-        tally, seconds = Tally(), 0.0
-        last = chosen.first + chosen.cases
-        for first in range(chosen.first, last, BATCH):
-            seconds += _batch(one, chosen.seed, first, min(BATCH, last - first), tally)
+        tally = Tally()
+        if chosen.seconds is None:
+            cases, seconds, last = chosen.cases, 0.0, chosen.first + chosen.cases
+            for first in range(chosen.first, last, BATCH):
+                seconds += _batch(one, chosen.seed, first, min(BATCH, last - first), tally)
+        else:
+            cases, seconds = _for_seconds(one, chosen.seed, chosen.first, chosen.seconds, tally)
         counts = ", ".join(f"{count} {what}" for what, count in tally.outcomes.most_common())
-        print(f"{one}: {chosen.cases} cases, {seconds:.0f} s: {counts}", flush=True)  # noqa: T201
+        print(f"{one}: {cases} cases, {seconds:.0f} s: {counts}", flush=True)  # noqa: T201
         for fault in tally.faults[:20]:
             print(f"  {fault}", flush=True)  # noqa: T201
-        failed |= bool(tally.faults)
-    return int(failed)
+        read, faults = tally.outcomes["read"], len(tally.faults)
+        row = {"reader": one, "cases": cases, "read": read, "refused": cases - read - faults}
+        pace = {"per second": cases / seconds, "hours for a million": seconds / cases / 3.6e-3}
+        rows.append({**row, "faults": faults, **pace})
+    if chosen.record:
+        words = " ".join(word for word in sys.argv[1:] if word not in known)
+        recorded("readers", rows, f"python tests/fuzz_readers.py {words}")
+    return int(any(row["faults"] for row in rows))
+
+
+def _for_seconds(
+    reader: str, seed: int, first: int, most: float, tally: Tally
+) -> tuple[int, float]:
+    """Cases for so many processor seconds: a few, then as many more as these let expect."""
+    done, seconds, batch = 0, 0.0, FIRST_BATCH
+    while seconds < 0.9 * most and not tally.faults:
+        seconds += _batch(reader, seed, first + done, batch, tally)
+        done += batch
+        batch = min(BATCH, max(1, int((most - seconds) * done / max(seconds, 1e-3))))
+    return done, seconds
 
 
 def _batch(reader: str, seed: int, first: int, count: int, tally: Tally) -> float:
-    """A process of its own; the seconds that it took."""
+    """A process of its own; the processor seconds that its cases took."""
     with tempfile.NamedTemporaryFile() as progress:
         words = [sys.executable, __file__, reader, "--seed", seed, "--first", first]
         words += ["--cases", count, "--work", progress.name]

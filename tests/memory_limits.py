@@ -1,16 +1,24 @@
-"""Memory that runs out, everywhere: ``python tests/memory_limits.py --limits 60``.
+"""Memory that runs out, everywhere: ``python tests/memory_limits.py --limits 60 --record``.
 
 Each call is made in children whose memory is limited (``RLIMIT_AS``) to more and more beside what
 the program has: from nothing to more than the call needs. A child must end with a result or with
-``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack)
-or another exception is a fault.
+``MemoryError``. What ends a process (an allocation of Rust that fails, a thread that has no stack),
+another exception, or a wait without end is a fault.
+
+The least memory with which a call gives its result is found by bisection first. Three quarters of
+the limits lie below it, where every one stops the call at another of its allocations; the rest lie
+between it and what the call takes where nothing limits it, which may be more.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
 import resource
+import select
+import shutil
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -19,18 +27,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zarr  # noqa: F401  # not in every child
 
 import impasto
 from impasto import io
+from recorded_faults import recorded
 
 RESULT, REFUSED, FAULT = 0, 1, 2
 """Exit codes of a child."""
+PAGE = 4096
+LIBC = ctypes.CDLL(None)
+MMAP_THRESHOLD, ARENA_MAX = -3, -8
+"""Parameters of glibc's ``mallopt``."""
+WAIT = 30.0
+"""Seconds that no call takes; a child that says nothing for so long is ended by a signal."""
 SPARE = 48 << 20
 """Bytes that the last limit is above what the call took: what must stay free beside a map."""
 
 
 def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     """Calls on square pictures of so many rows, whose inputs are made here."""
+    # Arrays come from the system and go back to it, and threads reserve no heaps of their own:
+    # else a call finds room in those of an earlier one.
+    LIBC.mallopt(MMAP_THRESHOLD, 1 << 18)
+    LIBC.mallopt(ARENA_MAX, 1)
     directions = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
     lights = [*directions, (0.3, 0.3, 1)]
     random = np.random.default_rng(1)
@@ -40,8 +60,9 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     sbrdf = impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=1)
     height = random.uniform(0.0, 0.3, (size, size)).astype(np.float32)
     scene = impasto.Scene(lights=[impasto.DistantLight((0.5, 0, 0.9))])
-    io.write_tiff16(folder / "a.tif", samples[0])
-    io.write_exr(folder / "a.exr", {"Y": samples[0, 0]})
+    large = random.uniform(0.0, 1.0, (3, 4 * size, 4 * size)).astype(np.float32)
+    io.write_tiff16(folder / "a.tif", large)
+    io.write_exr(folder / "a.exr", {"Y": large[0]})
     part = stack[: size // 4, : size // 4]
     return {
         "integrate_normals": lambda: impasto.integrate_normals(
@@ -53,8 +74,17 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
         "render": lambda: impasto.render(sbrdf, scene, threads=2),
         "cast_shadows": lambda: impasto.cast_shadows(height, 0.1, (0.8, 0.1, 0.3), threads=2),
         "predict": lambda: sbrdf.predict(scene.lights, threads=2),
+        "run": lambda: job(stack, folder / "job.zarr"),
         "read_image": lambda: (io.read_image(folder / "a.tif"), io.read_image(folder / "a.exr")),
     }
+
+
+def job(stack: impasto.Stack, out: Path) -> None:
+    """A job from its beginning, whatever an earlier one has left."""
+    partial = out.with_name(out.name + ".partial")
+    for left in (out, partial):
+        shutil.rmtree(left, ignore_errors=True)
+    impasto.run(stack, out, pooling="none", normals="least-squares", tile=128, threads=2)
 
 
 def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
@@ -66,6 +96,8 @@ def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
         _child(call, room, writing)
     os.close(writing)
     with os.fdopen(reading) as told:
+        if not select.select([told], [], [], WAIT)[0]:
+            os.kill(child, signal.SIGALRM)  # it waits for ever
         taken = told.read()
     _, status = os.waitpid(child, 0)
     return os.waitstatus_to_exitcode(status), int(taken or 0)
@@ -74,6 +106,7 @@ def limited(call: Callable[[], Any], room: int | None) -> tuple[int, int]:
 def _child(call: Callable[[], Any], room: int | None, writing: int) -> None:
     ending = FAULT
     try:
+        LIBC.malloc_trim(0)
         before = _bytes("VmSize")
         if room is not None:
             resource.setrlimit(resource.RLIMIT_AS, (before + room, resource.RLIM_INFINITY))
@@ -96,17 +129,34 @@ def _bytes(name: str) -> int:
     return 1024 * int(found)
 
 
+def enough(call: Callable[[], Any], most: int) -> int:
+    """The least room with which a call gives its result, to a hundredth of it or a page."""
+    least = 0
+    while most - least > max(PAGE, most // 100):
+        middle = (least + most) // 2
+        if limited(call, middle)[0] == RESULT:
+            most = middle
+        else:
+            least = middle
+    return most
+
+
 def sweep(call: Callable[[], Any], limits: int) -> Counter[int]:
     """How a call ends under so many limits."""
-    ending, needed = limited(call, None)
+    ending, taken = limited(call, None)
     if ending != RESULT:
         raise RuntimeError(f"it ends with {ending} where memory is not limited")
+    most = taken + SPARE
+    needed = enough(call, most)
+    below = 3 * limits // 4
+    rooms = [needed * step // below for step in range(below)]
+    beyond = limits - below
+    rooms += [needed + (most - needed) * (step + 1) // beyond for step in range(beyond)]
     found: Counter[int] = Counter()
-    for step in range(limits):
-        room = (needed + SPARE) * (step + 1) // limits
+    for room in rooms:
         ending, _ = limited(call, room)
         if ending not in {RESULT, REFUSED}:
-            os.write(2, f"  {ending} with {room >> 20} of {needed >> 20} MB\n".encode())
+            os.write(2, f"  {ending} with {room} of {needed} bytes\n".encode())
         found[ending] += 1
     return found
 
@@ -116,20 +166,24 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("calls", nargs="*", help="default: all")
     options.add_argument("--limits", type=int, default=60)
-    options.add_argument("--size", type=int, default=640)
+    options.add_argument("--size", type=int, default=320)
+    options.add_argument("--record", action="store_true")
     chosen = options.parse_args()
-    faults = 0
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         known = calls(chosen.size, Path(name))
         for one in chosen.calls or known:
             found = sweep(known[one], chosen.limits)
             wrong = sum(count for ending, count in found.items() if ending not in {RESULT, REFUSED})
-            faults += wrong
+            row = {"results": found[RESULT], "refused": found[REFUSED], "faults": wrong}
+            rows.append({"call": one, "limits": chosen.limits, **row})
             sys.stdout.write(
                 f"{one}: {found[RESULT]} results, {found[REFUSED]} MemoryError, {wrong} faults\n"
             )
             sys.stdout.flush()
-    return int(faults > 0)
+    if chosen.record:
+        recorded("memory", rows, f"python tests/memory_limits.py --limits {chosen.limits} --record")
+    return int(any(row["faults"] for row in rows))
 
 
 if __name__ == "__main__":

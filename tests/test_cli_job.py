@@ -225,6 +225,27 @@ def test_missing_photographs_make_a_result_partial(
     assert jobs.verify(out) == ()
 
 
+def test_a_name_that_is_nearly_that_of_a_job_is_told(
+    unfinished: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("painting", "paintin.zarr", "painting.zar"):
+        said = complaint(["job", "status", str(unfinished.with_name(name))], 1, capsys)
+        assert said.rstrip().endswith("did you mean 'painting.zarr'?"), name
+    said = complaint(["job", "status", str(unfinished.with_name("icon.zarr"))], 1, capsys)
+    assert "did you mean" not in said
+
+
+def test_less_memory_than_the_tiles_of_a_job_need_is_told(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Tiles keep their size, whatever memory there is now."""
+    out = tmp_path / "painting.zarr"
+    interrupted(source, out, 4)
+    capsys.readouterr()
+    assert main(["job", "resume", str(out), "--memory", "1"]) == 0
+    assert "memory: tiles of this job have 32 x 32 pixels and need" in capsys.readouterr().err
+
+
 def test_changes_are_listed(
     source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

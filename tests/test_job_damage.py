@@ -115,17 +115,25 @@ def test_numbers_of_an_unfinished_job_are_made_again(
     assert tree(tmp_path / "a.zarr") == tree(finished)
 
 
-@pytest.mark.parametrize("name", ["x", "job/x", "normal/c/0/0/0x", "normal/c/0/0/7", "a/b.txt"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("x", "job/x", "normal/c/0/0/0x", "normal/c/0/0/7", "a/b.txt"),
+        *("levels/2/normal/c/0/0/7", "levels/4/normal/c/0/1/1"),
+    ],
+)
 def test_a_file_more_in_an_unfinished_job_is_found(
     name: str, unfinished: Path, tmp_path: Path
 ) -> None:
     partial = tmp_path / "a.zarr.partial"
     shutil.copytree(unfinished.with_name(partial.name), partial)
-    (partial / name).parent.mkdir(exist_ok=True)
+    (partial / name).parent.mkdir(exist_ok=True, parents=True)
     (partial / name).touch()
-    # What a tile that is not finished has written is none.
-    (partial / "normal" / "c" / "0" / "1" / "1").parent.mkdir(exist_ok=True)
-    (partial / "normal" / "c" / "0" / "1" / "1").write_bytes(b"half")
+    # What a tile that is not finished has written is none: its maps at both scales, statistics.
+    for own in ("normal/c/0", "levels/2/normal/c/0", "levels/2/lobe1.gamma/c", "statistics/c/0"):
+        file = partial / own / "1" / "1"
+        file.parent.mkdir(exist_ok=True, parents=True)
+        file.write_bytes(b"half")
     assert [str(one) for one in jobs.verify(tmp_path / "a.zarr")] == [
         f"{partial / name}: does not belong to the store"
     ]

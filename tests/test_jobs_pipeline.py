@@ -77,7 +77,10 @@ def test_a_running_job_says_what_it_is_at(tmp_path: Path, monkeypatch: pytest.Mo
 
         return call
 
-    for name in ("learned_model", "fit_tiles", "finish"):
+    for name in ("open_photographs", "load_learned", "fit_tiles", "finish"):
         monkeypatch.setattr(f"impasto.jobs.job.{name}", watched(getattr(job, name)))
     impasto.run(stack(), out, **OPTIONS)
-    assert [*seen, jobs.status(out).phase] == ["learning", "tiles", "scales", None]
+    assert [*seen, jobs.status(out).phase] == [
+        *("reading", "learning", "tiles", "scales"),
+        None,
+    ]

@@ -17,6 +17,7 @@ import impasto
 import impasto._internal.waiting as waiting
 from circumstances import capture
 from impasto._internal.waiting import floats, wait_for
+from processes import run as run_program
 
 PATIENCE = 60.0
 """Seconds that nothing here takes: after them a test fails instead of waiting for ever."""
@@ -68,6 +69,55 @@ def test_a_step_that_ends_as_the_wait_does_is_heard(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(waiting, "Future", Late)
     assert wait_for(str, 17) == "17"
+
+
+def test_a_thread_that_has_no_memory_to_begin_leaves_the_step_to_the_caller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As ``start`` of a thread does not: it waits for ever (python/cpython#140746)."""
+    begin = _thread.start_new_thread
+
+    def ends_at_once(work: Any, given: Any) -> int:
+        return begin(lambda *_: None, given)
+
+    monkeypatch.setattr(_thread, "start_new_thread", ends_at_once)
+    assert wait_for(threading.get_ident) == threading.main_thread().ident
+    assert not waiting._UNDER_WAY
+
+
+def test_a_thread_that_has_no_memory_for_its_end_is_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Full(Future[str]):
+        def set_result(self, result: str) -> None:
+            raise MemoryError
+
+        def set_exception(self, exception: BaseException | None) -> None:
+            raise MemoryError
+
+    monkeypatch.setattr(waiting, "Future", Full)
+    monkeypatch.setattr("sys.unraisablehook", lambda told: None)
+    steps: list[int] = []
+    with pytest.raises(MemoryError):
+        wait_for(steps.append, 1)
+    assert steps == [1], "and no step is taken twice"
+
+
+def test_a_program_that_ends_waits_for_its_steps() -> None:
+    program = (
+        "import _thread, signal, sys, time\n"
+        "from impasto._internal.waiting import wait_for\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "def step():\n"
+        "    _thread.interrupt_main()\n"
+        "    time.sleep(0.5)\n"
+        "    print('to its end', flush=True)\n"
+        "try:\n"
+        "    wait_for(step)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', flush=True)\n"
+    )
+    assert run_program(program).split("\n") == ["interrupted", "to its end", ""]
 
 
 def test_a_step_returns_and_keeps_the_callers_numpy() -> None:

@@ -11,15 +11,17 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from impasto._internal.pools import Pool
 from impasto.errors import ArgumentError
 from impasto.status import Status
 
@@ -29,6 +31,10 @@ SCHEMA = 1
 
 LIBRARIES = ("colour-science", "opencv-python-headless", "OpenEXR", "tifffile")
 """Libraries for files and spectra."""
+HASHED = 2
+"""Files that are hashed at a time: other threads run while Python hashes."""
+BLOCK = 1 << 20
+"""Bytes that are hashed at a time."""
 
 
 class Timings:
@@ -58,10 +64,57 @@ def file_entry(
     OSError
         If the file cannot be read.
     """
-    with Path(path).open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256")
-        size = file.tell()
-    name = Path(path) if folder is None else Path(path).relative_to(folder)
+    return _entry(Path(path), folder, lambda count: None)
+
+
+def file_entries(
+    paths: Sequence[Path], report: Callable[[int, int], object]
+) -> list[dict[str, Any]]:
+    """:func:`file_entry` of many files, some at a time.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    report
+        Called with (bytes read, bytes in all), by one thread at a time; an error of it ends all.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    total = sum(path.stat().st_size for path in paths)
+    lock = Lock()
+    done = 0
+
+    def add(count: int) -> None:
+        nonlocal done
+        with lock:
+            done += count
+            report(done, total)
+
+    add(0)
+    with Pool(HASHED) as pool:
+        found = [pool.submit(_entry, path, None, add) for path in paths]
+        try:
+            return [one.result() for one in found]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _entry(
+    path: Path, folder: str | os.PathLike[str] | None, add: Callable[[int], object]
+) -> dict[str, Any]:
+    digest, size = hashlib.sha256(), 0
+    block = memoryview(bytearray(BLOCK))
+    with path.open("rb", buffering=0) as file:
+        while count := file.readinto(block):
+            digest.update(block[:count])
+            size += count
+            add(count)
+    name = path if folder is None else path.relative_to(folder)
     return {"file": name.as_posix(), "bytes": size, "sha256": digest.hexdigest()}
 
 

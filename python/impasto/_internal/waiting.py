@@ -6,14 +6,18 @@ photograph or the flush of a disk is one step each. The numerics look for it the
 
 from __future__ import annotations
 
+import atexit
 import contextvars
+import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import ParamSpec, TypeVar
+from concurrent.futures import Future, wait
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from impasto._internal.threads import start
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -34,28 +38,50 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
     Any
         What the step returns; what it raises is raised here.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.get_ident() != threading.main_thread().ident:
         return step(*args, **options)  # signals come to the main thread only
     outcome: Future[Found] = Future()
     context = contextvars.copy_context()  # numpy's error state among others
+    ended = False
 
     def work() -> None:
+        nonlocal ended
         try:
             outcome.set_result(context.run(step, *args, **options))
         except BaseException as error:
             outcome.set_exception(error)
+        finally:
+            ended = True
+            _UNDER_WAY.discard(outcome)
 
+    _UNDER_WAY.add(outcome)
     try:
-        threading.Thread(target=work, name="impasto-step").start()
-    except RuntimeError:  # the system has no memory for its stack
+        start(work)
+    except MemoryError:
+        _UNDER_WAY.discard(outcome)
         return step(*args, **options)
     while True:
         try:
             return outcome.result(HEARTBEAT)
         except TimeoutError:
+            over = ended
             if outcome.done():
                 # At the last moment; or its own error.
                 return outcome.result()
+            if over:  # without memory to say what it found
+                raise MemoryError from None
+
+
+_UNDER_WAY: set[Future[Any]] = set()
+
+
+@atexit.register
+def _wait_for_all() -> None:
+    wait(list(_UNDER_WAY))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_UNDER_WAY.clear)
 
 
 def floats(values: ArrayLike) -> NDArray[np.float32]:

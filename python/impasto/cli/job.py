@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 MEMORY = "4GiB"
 LABEL_WIDTH = 12
 PHASES = {
+    "reading": "reading the photographs",
     "learning": "learning from the whole painting",
     "tiles": "fitting tiles",
     "scales": "making smaller scales",
@@ -235,13 +236,15 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
     if json:
         console.print_json(asdict(found) | {"folder": str(found.folder)})
         return Exit.OK
-    share = 100.0 * found.pixels_done / found.pixels
     working = "" if found.phase is None else f", process {found.process}, {PHASES[found.phase]}"
-    rows = {
-        "state": f"{found.state}{working}",
-        "tiles": f"{found.tiles_done} of {found.tiles}, {share:.1f} % of the pixels",
-        "folder": str(found.folder),
-    }
+    rows = {"state": f"{found.state}{working}"}
+    if found.bytes_read is not None and found.bytes_to_read:
+        read, size = found.bytes_read, found.bytes_to_read
+        rows["read"] = f"{read / 1e9:.3g} of {size / 1e9:.3g} GB, {100.0 * read / size:.0f} %"
+    if found.tiles:
+        share = 100.0 * found.pixels_done / found.pixels
+        rows["tiles"] = f"{found.tiles_done} of {found.tiles}, {share:.1f} % of the pixels"
+    rows["folder"] = str(found.folder)
     if (
         found.phase != "scales"
         and found.pixels_per_second is not None
@@ -402,6 +405,7 @@ def _worked(
         with (
             terminated_as_interrupted(),
             connected(scheduler) as client,
+            stages.warned(),
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
             pace = _Pace(out)

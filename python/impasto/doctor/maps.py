@@ -297,7 +297,8 @@ def _seams(read: Read, size: tuple[int, int], tile: int) -> Finding:
         "error",
         f"{len(seams)} of {counted(borders, 'border')} of tiles show: the step across is a large "
         f"one {most}",
-        "tiles are of different fits or exchanged: impasto job verify, impasto job rerun",
+        "tiles are of different fits or exchanged: impasto job verify, impasto job rerun; if rerun "
+        "makes the same bytes, the painting has a straight edge there",
         numbers=numbers,
     )
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from impasto._internal.pools import Pool
 from impasto._internal.regular import check_regular
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
@@ -72,7 +72,7 @@ def atomic_together(files: Mapping[Path, bytes | memoryview]) -> None:
     """
     own = secrets.token_hex(6)
     temporary = {path: path.with_name(f".{path.name}-{own}.tmp") for path in files}
-    with ThreadPoolExecutor(FLUSHED, "impasto-flush") as pool:
+    with Pool(FLUSHED) as pool:
 
         def write(path: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)

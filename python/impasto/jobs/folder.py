@@ -19,7 +19,7 @@ from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
-from impasto.jobs.lock import LOCK, locked
+from impasto.jobs.lock import LOCK
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 
@@ -28,6 +28,8 @@ LOG.addHandler(NullHandler())
 NOTES = "job"
 """The group of a store that holds what the job needs: record, learned model and journal."""
 RECORD = "job.json"
+READING = "reading.jsonl"
+"""How far photographs are read and hashed; there while that lasts."""
 SUFFIX = ".zarr"
 
 
@@ -118,14 +120,11 @@ def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | 
 
 
 def remove_unfinished(partial: Path) -> None:
-    """Remove an earlier job that is not to go on, at once by its name."""
-    if not (partial / NOTES).exists():
-        return
+    """Remove a job that is not to go on, at once by its name; the caller holds its lock."""
     real = partial.resolve()
     with temporary_beside(real, folder=True, ending=OLD) as removed:
         try:
-            with locked(real / NOTES):
-                real.rename(removed / real.name)
+            real.rename(removed / real.name)
             if partial.is_symlink():
                 partial.unlink()
         finally:
@@ -171,8 +170,10 @@ def check_journal(notes: Path, entries: Entries) -> None:
 
 def _used(folder: Path) -> bool:
     """Whether a folder holds more than a job leaves that was killed before it began."""
+    early = {LOCK, READING}
     return any(
-        p.is_file() and p.name != LOCK and not p.name.startswith(".") for p in folder.rglob("*")
+        p.is_file() and p.name not in early and not p.name.startswith(".")
+        for p in folder.rglob("*")
     )
 
 

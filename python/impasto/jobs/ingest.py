@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.pools import Pool
 from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -101,7 +101,7 @@ def ingest(
     with (
         reporting(progress, "tiles") as report,
         new_folder(target) as folder,
-        ThreadPoolExecutor(1, "impasto-hashes") as pool,
+        Pool(1) as pool,
         # Closed before the folder goes: no tile is written into it any more.
         closing(_written(folder, photographs, grid)) as corners,
     ):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -14,10 +16,13 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of, statistics_of
+from impasto.jobs.beginning import bytes_read
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
 from impasto.jobs.folder import (
     NOTES,
+    READING,
     RECORD,
+    SUFFIX,
     check_journal,
     has_begun,
     numbers_problem,
@@ -32,13 +37,15 @@ from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 from impasto.report import file_entry
 
-SHARD = r"[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
-"""Names of the files of maps in a store."""
+SHARD = r"(levels/2/)?[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
+"""Names of the files of a tile in a store: its maps, also at half their scale, and statistics."""
+ALIKE = 0.75
+"""How much of a name must be that of a job before this is asked for."""
 RECENT = 20
 """Last tiles from which the pace of a job is taken."""
 
 
-Phase: TypeAlias = Literal["learning", "tiles", "scales"]
+Phase: TypeAlias = Literal["reading", "learning", "tiles", "scales"]
 
 
 @dataclass(frozen=True)
@@ -55,12 +62,15 @@ class JobStatus:
     process
         The process that works on it.
     phase
-        What that does: ``"learning"`` the model of the whole painting, ``"tiles"``, or ``"scales"``
-        when all tiles are there; None where nobody works on it.
+        What that does: ``"reading"`` and hashing the photographs, while the model may already be
+        learned, ``"learning"`` the model of the whole painting, ``"tiles"``, or ``"scales"`` when
+        all tiles are there; None where nobody works on it.
     tiles_done, tiles
-        Tiles on the disk, and all.
+        Tiles on the disk, and all; both 0 while the photographs of a new job are read.
     pixels_done, pixels
         The same in pixels.
+    bytes_read, bytes_to_read
+        Of the photographs, while they are hashed; else None.
     pixels_per_second
         Of the last tiles; None where none is known.
     seconds_left
@@ -80,6 +90,8 @@ class JobStatus:
     tiles: int
     pixels_done: int
     pixels: int
+    bytes_read: int | None
+    bytes_to_read: int | None
     pixels_per_second: float | None
     seconds_left: float | None
     notes: tuple[tuple[str, str], ...]
@@ -101,6 +113,12 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     CorruptInputError
         A damaged record or journal, or the journal of another job.
     """
+    partial = partial_of(store_name(out))
+    if not (partial / NOTES / RECORD).exists() and (process := holder(partial / NOTES)) is not None:
+        return JobStatus(
+            partial, "running", process, "reading", 0, 0, 0, 0, *_bytes_read(partial / NOTES),
+            None, None, (), True,
+        )  # fmt: skip
     folder, whole = folder_of(out)
     notes = folder / NOTES
     record = JobRecord.read(notes / RECORD)
@@ -118,11 +136,12 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         folder,
         "finished" if whole else "interrupted" if process is None else "running",
         process,
-        None if process is None else _phase(entries, grid),
+        None if process is None else _phase(notes, entries, grid),
         0 if entries is None else len(entries.tiles),
         len(grid),
         done,
         pixels,
+        *((None, None) if process is None else _bytes_read(notes)),
         pace,
         0.0 if whole else left,
         tuple((str(kind), str(text)) for kind, text in record.notes),
@@ -130,7 +149,13 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     )
 
 
-def _phase(entries: Entries | None, grid: Grid) -> Phase:
+def _bytes_read(notes: Path) -> tuple[int | None, int | None]:
+    return bytes_read(notes) or (None, None)
+
+
+def _phase(notes: Path, entries: Entries | None, grid: Grid) -> Phase:
+    if (notes / READING).exists():
+        return "reading"
     if entries is None:
         return "learning"
     return "tiles" if len(entries.tiles) < len(grid) else "scales"
@@ -210,10 +235,37 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
             f"{target} is no job, but made by impasto job merge: the same call goes on with it, "
             "and impasto job verify compares it when it is finished"
         )
+    early = partial_of(target) / NOTES
+    if (process := holder(early)) is not None:
+        raise ArgumentError(
+            f"{target} is a job that has just begun: process {process} reads its photographs; wait "
+            "for it (impasto job status says how far it is)"
+        )
+    if (early / LOCK).exists():
+        raise ArgumentError(
+            f"{target} is a job that was ended while its photographs were read, so that nothing "
+            "of it is there yet: give the same impasto job run, or impasto.run, once more"
+        )
     raise ArgumentError(
         f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
-        "given as out; one that has just begun is found when its photographs have been read"
+        f"given as out{_jobs_beside(target)}"
     )
+
+
+def _jobs_beside(target: Path) -> str:
+    """The jobs of the same folder, of which one may be meant."""
+    with suppress(OSError):
+        records = sorted(target.absolute().parent.glob(f"*/{NOTES}/{RECORD}"))
+        names = {name.removesuffix(SUFFIX): name for name in (_store_of(one) for one in records)}
+        wanted = target.name.removesuffix(SUFFIX)
+        beginning = [stem for stem in names if stem.startswith(wanted)]
+        if near := (beginning or difflib.get_close_matches(wanted, names, n=1, cutoff=ALIKE)):
+            return f"; did you mean {names[near[0]]!r}?"
+    return ""
+
+
+def _store_of(record: Path) -> str:
+    return store_name(record.parents[1]).name
 
 
 def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
@@ -253,7 +305,7 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
                 yield Finding(str(notes / NUMBERS), problem)
         if not missing or holder(notes) is not None:
             return  # the files beside the tiles are being written, or will be in a moment
-        own |= {f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS, LOCK, PACE)}
+        own |= {f"{NOTES}/{name}" for name in (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE)}
     for finding in _others(folder, own):
         name = Path(finding.file).relative_to(folder).as_posix()
         if whole or not _of_a_tile(name, missing):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -12,16 +13,17 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
+from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.results.precision import Precision, checked_precision
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.beginning import Beginning, held
 from impasto.jobs.cluster import checked_client, fit_tiles_on
 from impasto.jobs.folder import (
     NOTES,
     RECORD,
     check_finished,
-    check_own,
     checked_target,
     clear,
     earlier_record,
@@ -31,7 +33,6 @@ from impasto.jobs.folder import (
     has_tiles,
     partial_of,
     refuse_differences,
-    remove_unfinished,
 )
 from impasto.jobs.grid import (
     STEP,
@@ -41,8 +42,8 @@ from impasto.jobs.grid import (
     tile_for,
 )
 from impasto.jobs.journal import JOURNAL, Journal
-from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_model
-from impasto.jobs.lock import locked, release
+from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_from
+from impasto.jobs.lock import release
 from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
 from impasto.jobs.record import JobRecord, plain
 from impasto.jobs.tiles import TileLog, fit_tiles
@@ -162,75 +163,84 @@ def run(
     sample = None if sample is None else checked_stride(sample)
     tile = None if tile is None else checked_tile(tile)
     partial = partial_of(target)
-    earlier = earlier_record(target, partial, resume=truth(resume, "resume"))
-    photographs = open_photographs(
-        source if path is None else path,
-        options,
-        budget // 2,
-        None if earlier is None else earlier.curve,
-    )
-    if photographs.inside(Sample(1, photographs.size)) == 0:
-        raise ArgumentError("mask: is empty, no pixel belongs to the painting")
-    if earlier is not None:
-        tile = earlier.tile if tile is None else tile
-        sample = earlier.sample if sample is None else sample
-    if tile is None:
-        tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
-    tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
-    if sample is None:
-        observations, bands, *_ = photographs.shape
-        least = Sample.to_learn(photographs.size, observations * bands, photographs.inside)
-        sample = stride_for(budget // 2, photographs.pixel, photographs.size, least.stride)
-    curve = photographs.encoding
-    record = JobRecord(
-        version=_core.build_info()["version"],
-        source=path,
-        reading=options,
-        encoding=(curve.curve, float(curve.white)),
-        inputs=photographs.inputs(),
-        fit=chosen,
-        shape=photographs.shape,
-        tile=tile,
-        sample=sample,
-        precision=checked_precision(precision),
-        notes=photographs.notes,
-    )
-    if not resume:
-        remove_unfinished(partial)
-    return carry_out(
-        record, photographs, target, earlier,
-        memory=budget, client=client, threads=threads, progress=progress,
-    )  # fmt: skip
+    go_on = truth(resume, "resume")
+    # What is no folder of a job is refused before anything is put into it.
+    earlier_record(target, partial, resume=go_on)
+    with held(target) as own:
+        earlier = earlier_record(target, partial, resume=go_on)
+        photographs = open_photographs(
+            source if path is None else path,
+            options,
+            budget // 2,
+            None if earlier is None else earlier.curve,
+        )
+        if photographs.inside(Sample(1, photographs.size)) == 0:
+            raise ArgumentError("mask: is empty, no pixel belongs to the painting")
+        if earlier is not None:
+            tile = earlier.tile if tile is None else tile
+            sample = earlier.sample if sample is None else sample
+        if tile is None:
+            tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
+        tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
+        if sample is None:
+            observations, bands, *_ = photographs.shape
+            least = Sample.to_learn(photographs.size, observations * bands, photographs.inside)
+            sample = stride_for(budget // 2, photographs.pixel, photographs.size, least.stride)
+        curve = photographs.encoding
+        record = JobRecord(
+            version=_core.build_info()["version"],
+            source=path,
+            reading=options,
+            encoding=(curve.curve, float(curve.white)),
+            inputs=() if earlier is None else own.hashes(photographs),
+            fit=chosen,
+            shape=photographs.shape,
+            tile=tile,
+            sample=sample,
+            precision=checked_precision(precision),
+            notes=photographs.notes,
+        )
+        if earlier is not None:
+            refuse_differences(earlier, record, target)
+        if not go_on:
+            own.anew()
+        return carry_out(
+            record, photographs, target, own,
+            memory=budget, client=client, threads=threads, progress=progress,
+        )  # fmt: skip
 
 
 def carry_out(
     record: JobRecord,
     photographs: Photographs,
     target: Path,
-    earlier: JobRecord | None,
+    own: Beginning,
     *,
     memory: int,
     client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
 ) -> Path:
-    """Bring a job to its end, from wherever it is; see :func:`run`."""
-    if earlier is not None:
-        refuse_differences(earlier, record, target)
+    """Bring a job to its end, from wherever it is; see :func:`run`.
+
+    The record of a job that has not begun may lack the hashes of its inputs: photographs are then
+    hashed while the model is learned from them.
+    """
     if target.exists():
         check_finished(target, record.grid)
         release(target / NOTES)
         return target
     partial = partial_of(target)
+    begun = (partial / NOTES / RECORD).exists()
     try:
         return _carried_out(
-            record, photographs, target, partial,
+            record, photographs, target, own,
             memory=memory, client=client, threads=threads, progress=progress,
         )  # fmt: skip
     except GeometryError:
         # No job can come of these lights; one of others would be refused for the sake of this.
-        if earlier is None and not has_tiles(partial / NOTES):
-            remove_unfinished(partial)
+        if not begun and not has_tiles(partial / NOTES):
+            own.discard()
         raise
 
 
@@ -238,75 +248,82 @@ def _carried_out(
     record: JobRecord,
     photographs: Photographs,
     target: Path,
-    partial: Path,
+    own: Beginning,
     *,
     memory: int,
     client: Client | None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> Path:
+    partial = partial_of(target)
     notes = partial / NOTES
-    check_own(partial)
-    notes.mkdir(parents=True, exist_ok=True)
-    with locked(notes):
-        if target.exists():
-            raise ArgumentError(f"out: {target} has just been made by another job")
-        clear(partial)
-        if (notes / RECORD).exists():
-            refuse_differences(JobRecord.read(notes / RECORD), record, target)
-        else:
-            atomic_bytes(notes / RECORD, record.to_bytes())
-            with as_problem_of(partial):
-                sync_folder(partial)
-                sync_folder(partial.parent)
-        if not has_begun(notes):
-            (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
-        model = learned_model(
+    clear(partial)
+    if not has_begun(notes):
+        (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
+
+    def learn() -> LearnedModel:
+        return learned_from(
             photographs,
             record.fit,
             record.sample,
             max(record.tile, record.sample),
-            notes / LEARNED,
             threads=threads,
             progress=progress,
         )
-        grid = record.grid
-        with (
-            closing(Journal(notes / JOURNAL, entries_of(partial, grid))) as journal,
-            reporting(progress, "tiles") as callback,
-        ):
-            done = journal.entries.tiles
 
-            def report(count: int) -> None:
-                if callback is not None:
-                    callback(count, len(grid))
+    def write_record() -> None:
+        # A source without files has none of these either, and says so at once.
+        inputs = record.inputs or own.hashes(photographs)
+        atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
+        with as_problem_of(partial):
+            sync_folder(partial)
+            sync_folder(partial.parent)
 
-            report(len(done))
-            log = TileLog(notes, grid, journal, report)
-            missing = [tile for tile in grid if tile not in done]
-            if client is None:
-                fit_tiles(
-                    photographs, model, partial, grid, missing, log,
-                    precision=record.precision, threads=threads,
-                )  # fmt: skip
-            else:
-                own = journal.entries
-                job = SharedJob(partial.absolute(), own.job, own.learned, memory)
-                fit_tiles_on(client, job, missing, log)
-                clear(partial)  # of workers that died
-            entries = journal.entries
-        if changed := photographs.changed():
-            raise ResumeMismatchError(
-                f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
-                "begin anew (resume=False, --no-resume)"
-            )
-        finish(partial, grid, entries, record.precision)
-        with as_problem_of(target):
-            partial.rename(target)
-            # Not before: another process could take a lock of its own.
-            release(target / NOTES)
-            sync_folder(target / NOTES)
-            sync_folder(target.parent)
+    if not (notes / RECORD).exists():
+        with own.beside(write_record) as written:
+            model = learn()
+            written.result()
+        model.save(notes / LEARNED)
+    elif not (notes / LEARNED).exists():
+        learn().save(notes / LEARNED)
+    model = load_learned(notes / LEARNED)
+    grid = record.grid
+    with (
+        closing(Journal(notes / JOURNAL, entries_of(partial, grid))) as journal,
+        reporting(progress, "tiles") as callback,
+    ):
+        done = journal.entries.tiles
+
+        def report(count: int) -> None:
+            if callback is not None:
+                callback(count, len(grid))
+
+        report(len(done))
+        log = TileLog(notes, grid, journal, report)
+        missing = [tile for tile in grid if tile not in done]
+        if client is None:
+            fit_tiles(
+                photographs, model, partial, grid, missing, log,
+                precision=record.precision, threads=threads,
+            )  # fmt: skip
+        else:
+            begun = journal.entries
+            job = SharedJob(partial.absolute(), begun.job, begun.learned, memory)
+            fit_tiles_on(client, job, missing, log)
+            clear(partial)  # of workers that died
+        entries = journal.entries
+    if changed := photographs.changed():
+        raise ResumeMismatchError(
+            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
+            "begin anew (resume=False, --no-resume)"
+        )
+    finish(partial, grid, entries, record.precision)
+    with as_problem_of(target):
+        partial.rename(target)
+        # Not before: another process could take a lock of its own.
+        release(target / NOTES)
+        sync_folder(target / NOTES)
+        sync_folder(target.parent)
     return target
 
 

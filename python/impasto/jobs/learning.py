@@ -12,7 +12,7 @@ from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, suggestion, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
-from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
+from impasto.fit.learning import LearnedModel, learn_sbrdf
 from impasto.fit.normals import METHODS, Method
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction
@@ -83,24 +83,21 @@ def checked_fit(given: Mapping[str, Any]) -> dict[str, Any]:
     return {name: plain(value, name) for name, value in options.items()}
 
 
-def learned_model(
+def learned_from(
     photographs: Photographs,
     fit: Mapping[str, Any],
     stride: int,
     side: int,
-    path: Path,
     *,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> LearnedModel:
-    """What a file has of an earlier run, or what is learned and written into it now."""
-    if not path.exists():
-        options = dict(fit) | {"effort": Effort(**fit["effort"])}
-        options |= {"threads": threads, "progress": progress is True}
-        few = photographs.sampled(Sample(stride, photographs.size), side)
-        model = learn_sbrdf(few, sample=1, **options)
-        model.magnified(stride, photographs.size).save(path)
-    return load_learned(path)
+    """What is learned from every so many rows and columns, read in windows of ``side``."""
+    options = dict(fit) | {"effort": Effort(**fit["effort"])}
+    options |= {"threads": threads, "progress": progress is True}
+    few = photographs.sampled(Sample(stride, photographs.size), side)
+    model = learn_sbrdf(few, sample=1, **options)
+    return model.magnified(stride, photographs.size)
 
 
 def digest_of(path: Path) -> str:

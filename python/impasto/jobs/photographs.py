@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -31,7 +31,7 @@ from impasto.io.session.stored import SUFFIX, StoredStack
 from impasto.io.session_toml import is_session
 from impasto.io.sources import Source
 from impasto.jobs.grid import Footprint
-from impasto.report import file_entry
+from impasto.report import file_entries
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -87,8 +87,16 @@ class Photographs(ABC):
     def inputs(self) -> list[dict[str, Any]]:
         """Name, size and SHA-256 of what is read; all of it is read for this."""
 
+    def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:
+        """What :meth:`inputs` returns, and on the way how many bytes of how many are read.
+
+        It is called from another thread than the rest, and ended by an error of ``report``.
+        """
+        report(0, 0)
+        return self.inputs()
+
     def changed(self) -> list[Path]:
-        """Files that are others than when :meth:`inputs` read them, by size, time and number."""
+        """Files that are others than when they were opened, by size, time and number."""
         return []
 
     @abstractmethod
@@ -176,9 +184,13 @@ class StackInMemory(Photographs):
 
     def inputs(self) -> list[dict[str, Any]]:
         """The samples, and everything else that a fit takes from the stack."""
+        return self.hashed(lambda done, total: None)
+
+    def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
         stack, digest = self.stack, hashlib.sha256()
         flat = stack.samples.reshape(-1).view(np.uint8)
         for start in range(0, flat.size, CHUNK):
+            report(start, flat.size)
             digest.update(np.ascontiguousarray(flat[start : start + CHUNK]).data)
         others: dict[str, Any] = {
             **arrays_of_rig(stack.rig), "bands": np.array(stack.bands), "scale": stack.scale,
@@ -219,7 +231,6 @@ class Files(Photographs):
         finished = path.suffix.lower() in FINISHED
         self._mask = None if finished else self._reading.pop("mask", None)
         one = self._stack_of((0, 0, 1, 1))
-        self._seen: dict[Path, tuple[int, int, int]] = {}
         with self._any_picture(one, reading) as picture:
             size = picture.shape[1:]
             self._grid = picture.grid
@@ -239,6 +250,9 @@ class Files(Photographs):
                         f"mask: {self._mask} has {picture.shape[1:]} pixels, the photographs {size}"
                     )
             self._inputs = (*one.sources, Path(self._mask))
+        paths = dict.fromkeys(path.absolute() for path in self._inputs)
+        # Before any pixel that counts is read, and before the hashes.
+        self._seen = {path: _trace(path) for path in paths}
         self._stack: Stack | None = None
         # Rows that are decoded across the whole picture are kept for the tiles beside each other.
         decoded = math.prod(self._grid) * bands * codes
@@ -277,9 +291,10 @@ class Files(Photographs):
         return self._notes
 
     def inputs(self) -> list[dict[str, Any]]:  # noqa: D102
-        paths = list(dict.fromkeys(path.absolute() for path in self._inputs))
-        self._seen = {path: _trace(path) for path in paths}
-        return [file_entry(path) for path in paths]
+        return self.hashed(lambda done, total: None)
+
+    def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
+        return file_entries(list(self._seen), report)
 
     def changed(self) -> list[Path]:  # noqa: D102
         return [path for path, trace in self._seen.items() if _trace(path) != trace]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import TypeVar
 
+from impasto._internal.pools import Pool
 from impasto.jobs.grid import Tile
 
 BEHIND = 2
@@ -34,9 +35,9 @@ def pipelined(
     Ctrl-C do: a tile that ``work`` has made is written.
     """
     with (
-        ThreadPoolExecutor(1, "impasto-reader") as reader,
-        ThreadPoolExecutor(1, "impasto-encoder") as encoder,
-        ThreadPoolExecutor(1, "impasto-writer") as writer,
+        Pool(1) as reader,
+        Pool(1) as encoder,
+        Pool(1) as writer,
     ):
 
         def written(tile: Tile, files: Future[Files]) -> Written:

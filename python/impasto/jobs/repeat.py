@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import os
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from impasto import _core
 from impasto._internal.calls import ProgressCallback
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.beginning import held
 from impasto.jobs.cluster import checked_client
 from impasto.jobs.folder import (
     NOTES,
@@ -152,26 +155,43 @@ def _repeated(
         raise ArgumentError(f"source: this job reads {record.source}; leave source out")
     client = checked_client(client, source)
     budget = bytes_of(memory)
-    photographs = open_photographs(
-        record.source if source is None else source,
-        record.reading,
-        budget // 2,
-        record.curve,
-    )
-    curve = photographs.encoding
-    found = replace(
-        record,
-        version=_core.build_info()["version"],
-        encoding=(curve.curve, float(curve.white)),
-        inputs=photographs.inputs(),
-        shape=photographs.shape,
-        notes=photographs.notes,
-    )
-    refuse_changes(record, found, store)
-    return carry_out(
-        found, photographs, target, record,
-        memory=budget, client=client, threads=threads, progress=progress,
-    )  # fmt: skip
+    with held(target) as own:
+        photographs = open_photographs(
+            record.source if source is None else source,
+            record.reading,
+            budget // 2,
+            record.curve,
+        )
+        if store == target:
+            _warn_of_memory(budget // 2, photographs, record)
+        curve = photographs.encoding
+        found = replace(
+            record,
+            version=_core.build_info()["version"],
+            encoding=(curve.curve, float(curve.white)),
+            inputs=own.hashes(photographs),
+            shape=photographs.shape,
+            notes=photographs.notes,
+        )
+        refuse_changes(record, found, store)
+        return carry_out(
+            found, photographs, target, own,
+            memory=budget, client=client, threads=threads, progress=progress,
+        )  # fmt: skip
+
+
+def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) -> None:
+    """The tiles of a job keep their size: with less memory they take more than they may."""
+    sides = min(record.tile, record.shape[2]), min(record.tile, record.shape[3])
+    needed = photographs.pixel.fitted * math.prod(sides)
+    if needed > memory:
+        warnings.warn(
+            f"memory: tiles of this job have {sides[0]} x {sides[1]} pixels and need "
+            f"{2 * needed / 2**20:.3g} MiB, more than the {2 * memory / 2**20:.3g} MiB that it may "
+            "take now; begin anew, with smaller tiles, where these are not there",
+            ImpastoWarning,
+            stacklevel=4,
+        )
 
 
 def _differ(one: Path, two: Path) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.damage import damage_of
+from impasto._internal.pools import Pool
 from impasto._internal.regular import RegularFile
 from impasto.errors import CorruptInputError, ImpastoError
 from impasto.io.images.header import ImageHeader
@@ -237,6 +237,6 @@ def _run(decode: Callable[[Any], None], tasks: list[Any], threads: int) -> None:
         for task in tasks:
             decode(task)
         return
-    with ThreadPoolExecutor(min(threads, len(tasks)), "impasto-read") as pool:
+    with Pool(min(threads, len(tasks))) as pool:
         for _ in pool.map(decode, tasks):
             pass

@@ -1,0 +1,106 @@
+"""Threads that take what is handed to them in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from concurrent.futures import wait as wait_for_all
+from queue import Empty, SimpleQueue
+from threading import Lock
+from typing import Any, ParamSpec, TypeAlias, TypeVar
+
+from impasto._internal.threads import start
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+Task: TypeAlias = tuple[Future[Any], Callable[[], Any]]
+
+
+class Pool(Executor):
+    """A pool of threads like that of the standard library, but where memory is short.
+
+    There :meth:`submit` raises ``MemoryError``, and waits for no thread that never begins.
+
+    Parameters
+    ----------
+    threads
+        At most; one is started when none is free for what is handed over.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self._most = threads
+        self._tasks: SimpleQueue[Task | None] = SimpleQueue()
+        self._ended: list[Future[None]] = []
+        self._free = 0
+        self._closed = False
+        self._lock = Lock()
+
+    def submit(
+        self, fn: Callable[Given, Found], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Found]:
+        """Hand something to the next thread that is free.
+
+        Raises
+        ------
+        MemoryError
+            The system gives no thread; nothing was handed over.
+        RuntimeError
+            The pool is shut down.
+        """
+        future: Future[Found] = Future()
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("the pool is shut down")
+            if self._free:
+                self._free -= 1
+            elif len(self._ended) < self._most:
+                ended: Future[None] = Future()
+                start(lambda: self._work(ended))
+                self._ended.append(ended)
+            self._tasks.put((future, lambda: fn(*args, **kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take nothing more; threads end with what was handed over.
+
+        Parameters
+        ----------
+        wait
+            Whether to wait for that.
+        cancel_futures
+            Whether what no thread has begun is not done.
+        """
+        with self._lock:
+            self._closed = True
+            while cancel_futures:
+                try:
+                    task = self._tasks.get_nowait()
+                except Empty:
+                    break
+                if task is not None:
+                    task[0].cancel()
+            for _ in self._ended:
+                self._tasks.put(None)
+        if wait:
+            wait_for_all(self._ended)
+
+    def _work(self, ended: Future[None]) -> None:
+        try:
+            while (task := self._tasks.get()) is not None:
+                _do(*task)
+                del task  # what it holds may be large
+                with self._lock:
+                    self._free += 1
+        finally:
+            ended.set_result(None)
+
+
+def _do(future: Future[Any], act: Callable[[], Any]) -> None:
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        found = act()
+    except BaseException as error:
+        future.set_exception(error)
+    else:
+        future.set_result(found)

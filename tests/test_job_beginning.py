@@ -1,0 +1,205 @@
+"""A job is seen, held and ended from its first moment: while its photographs are still hashed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import impasto
+from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
+from impasto.cli import main
+from impasto.jobs import photographs as reading
+from interrupted_jobs import interrupting
+from killed_jobs import in_child, tree
+from test_jobs import photographs
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+
+OPTIONS: dict[str, Any] = {"pooling": "none", "tile": 32, "memory": "1MB", "sample": 1}
+HASHES = reading.file_entries
+"""What hashes the photographs of a job."""
+
+
+def while_hashing(act: Callable[[int, int], object]) -> Callable[..., list[dict[str, Any]]]:
+    """Hash files, and do this whenever some of them has been read."""
+
+    def instead(
+        paths: Sequence[Path], report: Callable[[int, int], object]
+    ) -> list[dict[str, Any]]:
+        def told(done: int, total: int) -> None:
+            report(done, total)
+            act(done, total)
+
+        return HASHES(paths, told)
+
+    return instead
+
+
+def begun(path: Path, out: Path) -> Path:
+    return impasto.run(path, out, **OPTIONS)
+
+
+def test_a_job_is_seen_while_its_photographs_are_hashed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    seen: list[jobs.JobStatus] = []
+    said: list[str] = []
+
+    def look(done: int, total: int) -> None:
+        seen.append(jobs.status(out))
+        if done == 0:
+            assert main(["job", "status", str(out)]) == 0
+            said.append(capsys.readouterr().out)
+
+    monkeypatch.setattr(reading, "file_entries", while_hashing(look))
+    monkeypatch.setattr("impasto.jobs.beginning.OFTEN", -1.0)
+    begun(path, out)
+    size = sum(file.stat().st_size for file in [path, *tmp_path.glob("*.tif")])
+    assert {(one.state, one.process, one.phase) for one in seen} == {
+        ("running", os.getpid(), "reading")
+    }
+    # One line for each file, none of which is larger than what is hashed at a time.
+    assert [one.bytes_read for one in seen] == sorted(one.bytes_read or 0 for one in seen)
+    assert (seen[0].bytes_read, seen[-1].bytes_read, len(seen)) == (0, size, 14)
+    assert {one.bytes_to_read for one in seen} == {size}
+    assert "reading the photographs" in said[0]
+    assert f"0 of {size / 1e9:.3g} GB, 0 %" in said[0]
+    assert "tiles" not in said[0], "how many there are is not known yet"
+    assert not (out / "job" / "reading.jsonl").exists()
+    assert jobs.verify(out) == ()
+
+
+def test_a_job_that_goes_on_is_seen_while_its_photographs_are_hashed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    with interrupting(2) as stop:
+        impasto.run(path, out, progress=stop, **OPTIONS)
+    seen: list[jobs.JobStatus] = []
+    look = while_hashing(lambda done, total: seen.append(jobs.status(out)))
+    monkeypatch.setattr(reading, "file_entries", look)
+    jobs.resume(out, memory="4MB")
+    assert {(one.state, one.phase, one.tiles_done) for one in seen} == {("running", "reading", 2)}
+
+
+def test_a_second_run_is_refused_before_it_reads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    refused = []
+
+    def second(done: int, total: int) -> None:
+        if done == 0:
+            with pytest.raises(ArgumentError, match="in use by another job") as told:
+                begun(path, out)
+            refused.append(str(told.value))
+            for call in (jobs.verify, jobs.resume):
+                with pytest.raises(ArgumentError, match="has just begun: process"):
+                    call(out)
+
+    monkeypatch.setattr(reading, "file_entries", while_hashing(second))
+    begun(path, out)
+    assert len(refused) == 1, "and the one that is refused hashes nothing"
+
+
+@pytest.mark.parametrize("fault", ["cut", "gone", "mask", "memory"])
+def test_a_call_that_is_refused_leaves_nothing(fault: str, tmp_path: Path) -> None:
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    options = dict(OPTIONS)
+    if fault == "cut":
+        (tmp_path / "light3.tif").write_bytes((tmp_path / "light3.tif").read_bytes()[:5000])
+    elif fault == "gone":
+        for photograph in tmp_path.glob("*.tif"):
+            photograph.unlink()
+    elif fault == "mask":
+        options["reading"] = {"mask": "nowhere.png"}
+    else:
+        options |= {"memory": "1KB", "tile": None}
+    before = tree(tmp_path)
+    with pytest.raises((ArgumentError, CorruptInputError, OSError)):
+        impasto.run(path, out, **options)
+    assert tree(tmp_path) == before
+    assert not out.with_name("painting.zarr.partial").exists()
+
+
+def test_ctrl_c_while_photographs_are_hashed_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread that hashes ends at once, wherever the first pass is interrupted."""
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    before = tree(tmp_path)
+
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("impasto.jobs.learning.learn_sbrdf", interrupted)
+    # Hashing would not end by itself: it waits until it is told that nobody waits for it.
+    monkeypatch.setattr(reading, "file_entries", _for_ever)
+    with pytest.raises(KeyboardInterrupt):
+        begun(path, out)
+    assert tree(tmp_path) == before
+    assert not out.with_name("painting.zarr.partial").exists()
+
+
+def _for_ever(paths: Sequence[Path], report: Callable[[int, int], object]) -> list[dict[str, Any]]:
+    while True:
+        report(0, 1)
+
+
+def test_a_job_that_is_killed_while_it_hashes_can_be_begun_again(tmp_path: Path) -> None:
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    expected = tree(begun(path, tmp_path / "whole.zarr"))
+
+    def kill(done: int, total: int) -> None:
+        if done:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def work() -> None:
+        reading.file_entries = while_hashing(kill)  # type: ignore[assignment]  # in a child
+        begun(path, out)
+
+    assert in_child(work) == signal.SIGKILL
+    for call in (jobs.status, jobs.resume, jobs.verify):
+        with pytest.raises(ArgumentError, match="ended while its photographs were read"):
+            call(out)
+    # A call that is refused clears what the killed one left.
+    with pytest.raises(ArgumentError, match="memory"):
+        impasto.run(path, out, **OPTIONS | {"memory": "1KB", "tile": None})
+    with pytest.raises(ArgumentError, match="is no job of impasto"):
+        jobs.status(out)
+    assert in_child(work) == signal.SIGKILL
+    assert tree(begun(path, out)) == expected
+
+
+def test_a_photograph_that_changes_while_it_is_hashed_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hash may be that of the new file, and what was learned that of the old one."""
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    other = (tmp_path / "light4.tif").read_bytes()
+
+    def change(done: int, total: int) -> None:
+        if done == 0:
+            (tmp_path / "light3.tif").write_bytes(other)
+
+    monkeypatch.setattr(reading, "file_entries", while_hashing(change))
+    with pytest.raises(ResumeMismatchError, match=r"light3\.tif has changed while the job ran"):
+        begun(path, out)
+    assert not out.exists()
+
+
+def test_what_is_no_job_is_not_written_into(tmp_path: Path) -> None:
+    path, foreign = photographs(tmp_path), tmp_path / "painting.zarr.partial"
+    foreign.mkdir()
+    (foreign / "letter.txt").write_text("mine")
+    before = tree(tmp_path)
+    with pytest.raises(ArgumentError, match="is no job of impasto"):
+        begun(path, tmp_path / "painting.zarr")
+    assert tree(tmp_path) == before
+    assert [one.name for one in foreign.iterdir()] == ["letter.txt"]
