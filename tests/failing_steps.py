@@ -40,6 +40,8 @@ from killed_jobs import tree
 STEPS = ("open", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "link", "truncate")
 """Functions of ``os``; writes come on top."""
 LOCKS = {"job/lock", "merge/lock"}
+FIRST = 3
+"""Steps that make the folder of a store and that of its notes: the first try fails by itself."""
 LAST = 4
 """Steps of a store from its last name on: rename, the end of its lock, two flushed folders."""
 ERRORS = (errno.ENOSPC, errno.EIO)
@@ -79,11 +81,14 @@ class Steps:
         if not isinstance(named, str) or not named.startswith(str(self.folder)):
             return
         with self.lock:
-            told = f"{name} {Path(named).relative_to(self.folder)}"
-            self.taken.append(told)
-            if self.failing not in (len(self.taken), (told, self.taken.count(told))):
+            path = Path(named).relative_to(self.folder)
+            # Names of temporary files are random.
+            parts = ("." if part.startswith(".") else part for part in path.parts)
+            kind = f"{name} {'/'.join(parts)}"
+            self.taken.append(kind)
+            if self.failing not in (len(self.taken), (kind, self.taken.count(kind))):
                 return
-            self.failed = told
+            self.failed = f"{name} {path}"
         # What is about a handle names no file, as in reality.
         about = () if isinstance(file, int) else (named,)
         raise OSError(self.error, os.strerror(self.error), *about)
@@ -232,7 +237,7 @@ class Seen:
 
 
 def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
-    """Let every step of a call fail, or every so manieth from the first, and its last ones."""
+    """Let every step of a call fail, or every so manieth, and the first and last ones."""
     seen = Seen()
     one = folder / "one"
     out = one / f"a{suffix}"
@@ -243,7 +248,7 @@ def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
     taken = steps.taken
     seen.steps = len(taken)
     expected = content(out)
-    early = range(1, max(seen.steps - LAST, 0) + 1, every)
+    early = sorted({*range(1, FIRST + 1), *range(1, max(seen.steps - LAST, 0) + 1, every)})
     last = range(max(seen.steps - LAST, 0), seen.steps)
     chosen = [*early, *((taken[k], taken[: k + 1].count(taken[k])) for k in last)]
     for k, failing in enumerate(chosen):

@@ -25,7 +25,7 @@ EVERY = {
     "export": 160,
     "render": 5,
 }
-"""Of so many steps one fails, and the last four; every one of the ten of a height."""
+"""Of so many steps one fails, and the first three and last four; all ten of a height."""
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +56,7 @@ def test_a_step_that_fails_is_told_and_leaves_nothing_half(
     seen = failing_steps.tried(known[kind], suffix, tmp_path, EVERY.get(name, 1))
     assert seen.faults == []
     assert seen.endings["the error"] >= 1
+    assert seen.endings["not reached"] <= 1, "steps at the end are found by what they are"
     assert seen.ignored.keys() <= {"mkdir", "link", "unlink", "rmdir"}
 
 

@@ -127,9 +127,13 @@ def release_finished(target: Path) -> None:
 
 
 def check_begun(target: Path) -> None:
-    """Refuse an unfinished store of this name that was not begun by a merge."""
+    """Refuse an unfinished store of this name that was not begun by a merge.
+
+    An empty folder is what a merge leaves whose second step failed.
+    """
     partial = partial_of(target)
-    if partial.exists() and not (partial / NOTES).is_dir():
+    empty = partial.is_dir() and not any(partial.iterdir())
+    if partial.exists() and not empty and not (partial / NOTES).is_dir():
         raise ResumeMismatchError(
             f"out: {partial} is there and is no merge, but perhaps an unfinished job; remove that "
             "folder, or give another name"
