@@ -1,6 +1,6 @@
 """The fits of this version beside those of another one, on the same arrays.
 
-    python benches/python/versions.py OTHER [--only ROW] [--repeats 3] [--record]
+    python benches/python/versions.py OTHER [--only ROW] [--repeats 2] [--record]
 
 ``OTHER`` is the folder that holds the package ``impasto`` of the other version with its compiled
 core, ``python/`` of a checkout in which ``make build`` was run. Each call runs on one thread in a
@@ -150,7 +150,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("other", type=Path)
     parser.add_argument("--only", choices=ROWS)
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
     rows = []
@@ -162,7 +162,8 @@ def main() -> None:
                 )
             show("Processor seconds, one thread", rows[-1:])
     if options.record:
-        run = run_info("python benches/python/versions.py OTHER --record")
+        command = f"python benches/python/versions.py OTHER --repeats {options.repeats} --record"
+        run = run_info(command)
         write("versions.json", {"run": run | {"then": commit_of(options.other)}, "rows": rows})
 
 

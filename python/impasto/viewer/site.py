@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Generator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.pools import Pool
 from impasto._internal.printable import printable
 from impasto.bands import Camera
 from impasto.environment import Environment
@@ -173,7 +174,7 @@ def _made(contents: Contents, threads: int) -> Generator[dict[str, bytes], None,
     """
     waiting: deque[Future[dict[str, bytes]]] = deque()
     ready: dict[str, bytes] = {}
-    with ThreadPoolExecutor(threads, "impasto-site") as pool:
+    with Pool(threads) as pool:
         try:
             for names in contents.together():
                 waiting.append(pool.submit(contents.files, names))
