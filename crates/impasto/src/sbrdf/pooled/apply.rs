@@ -10,6 +10,7 @@ use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 use crate::stack::{Decode, Stack};
 use crate::surface::{Pairs, TorranceSparrow};
 
+use super::descent::{Origin, Stopping};
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::joint::FIRST_STEPS;
 use super::learned::PooledLobe;
@@ -21,6 +22,14 @@ use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, State};
 use super::scale::Gaussian;
 use super::verdict::{Strength, Strengths};
+
+/// A path whose step changes the squared scale by less than this share has come within some
+/// thousandths of a degree of the normal that it leads to: relaxed steps gain more than they leave.
+const APPLIED: f64 = 1e-3;
+
+/// Not at the normal that faces the viewer: it stands for no error of photometric stereo, and paths
+/// from there end at smaller scales but worse normals.
+const RESTARTS: &[Origin] = &[Origin::Brightest];
 
 /// What a search that stopped early may have left of the squared scale.
 const LEFT: f32 = 1.001;
@@ -54,12 +63,16 @@ pub fn apply(
     let brightness = lobe.brightness / f64::from(unit);
     let scale_reference = ScaleReference { brightness, noise_floor: lobe.noise_floor };
     let application = Application {
-        passes: Passes { photographs, run, scale_reference },
+        passes: Passes {
+            photographs,
+            run,
+            scale_reference,
+            gaussian: Gaussian::of(photographs.bands),
+        },
         begin: begin(start, unit),
         lobe: CommonLobe { beta: lobe.beta / f64::from(unit), log_sharpness: lobe.log_sharpness },
         refined: lobe.refined,
         unit,
-        gaussian: Gaussian::of(photographs.bands),
     };
     let beta = application.lobe.beta as f32;
     run.for_each(
@@ -127,7 +140,6 @@ pub(super) struct Application<'a> {
     pub(super) lobe: CommonLobe,
     pub(super) refined: bool,
     pub(super) unit: f32,
-    pub(super) gaussian: Gaussian,
 }
 
 /// Memory of one worker.
@@ -193,7 +205,7 @@ impl Application<'_> {
         out: &mut PooledMapsTile<'_>,
         mut misfit: impl FnMut(usize, Strength) -> f32,
     ) -> [LobeEquations; 2] {
-        let Passes { photographs, run, .. } = self.passes;
+        let Passes { photographs, run, gaussian, .. } = self.passes;
         let PooledScratch { reader, state, plain, matte, measured, neighbours } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
@@ -201,10 +213,10 @@ impl Application<'_> {
         let mut equations = [LobeEquations::zero(); 2];
         if self.refined {
             let flat = CommonLobe { beta: 0.0, ..self.lobe };
-            equations[0] = self.irls(reader, state, flat, false);
+            equations[0] = self.irls(reader, state, flat, &[]);
             plain.copy_from_slice(&state.scale);
             matte.copy_from(state);
-            equations[1] = self.irls(reader, state, self.lobe, true);
+            equations[1] = self.irls(reader, state, self.lobe, RESTARTS);
         }
         let samples = &reader.samples;
         for (place, &pixel) in samples.picks.iter().enumerate().filter(|_| self.refined) {
@@ -221,7 +233,7 @@ impl Application<'_> {
         }
         measured.resize(samples.picks.len());
         let tile = &state.tile(0, samples.picks.len());
-        let (lobe, gaussian) = (self.lobe, self.gaussian);
+        let lobe = self.lobe;
         run.level.run(Measure {
             photographs,
             run,
@@ -264,9 +276,9 @@ impl Application<'_> {
         reader: &Reader,
         state: &mut State,
         lobe: CommonLobe,
-        restart: bool,
+        restarts: &'static [Origin],
     ) -> LobeEquations {
-        let Passes { photographs, run, scale_reference } = self.passes;
+        let Passes { photographs, run, scale_reference, gaussian } = self.passes;
         run.level.run(Irls {
             photographs,
             run,
@@ -274,9 +286,10 @@ impl Application<'_> {
             out: state.first_mut(reader.samples.picks.len()),
             samples: &reader.samples,
             lobe,
-            steps: FIRST_STEPS,
-            restart,
+            stopping: Stopping { steps: FIRST_STEPS, tolerance: APPLIED },
+            restarts,
             scale_reference,
+            gaussian,
         })
     }
 }

@@ -20,6 +20,7 @@
 
 mod apply;
 mod covariance;
+mod descent;
 mod extract;
 pub mod histogram;
 mod irls;

@@ -3,12 +3,14 @@
 use crate::error::Result;
 use crate::pixels::{Run, check_room, tiles};
 
+use super::descent::{Origin, Stopping};
 use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::outliers::{Limits, Sizes};
 use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, Samples, State};
+use super::scale::Gaussian;
 
 /// Tiles that show how large samples are, about.
 const SOME_TILES: usize = 16;
@@ -22,6 +24,7 @@ pub(super) struct Passes<'a> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) scale_reference: ScaleReference,
+    pub(super) gaussian: Gaussian,
 }
 
 impl Passes<'_> {
@@ -82,10 +85,10 @@ impl Passes<'_> {
         from: &State,
         to: &mut State,
         lobe: CommonLobe,
-        steps: usize,
-        restart: bool,
+        stopping: Stopping,
+        restarts: &'static [Origin],
     ) -> Result<LobeEquations> {
-        let Self { photographs, run, scale_reference } = *self;
+        let Self { photographs, run, scale_reference, gaussian } = *self;
         let level = run.level;
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
         let parts = run.map(
@@ -101,9 +104,10 @@ impl Passes<'_> {
                     out,
                     samples,
                     lobe,
-                    steps,
-                    restart,
+                    stopping,
+                    restarts,
                     scale_reference,
+                    gaussian,
                 })
             },
         )?;

@@ -2,6 +2,7 @@
 //! the whole.
 
 use super::apply::{Application, begin, photographs};
+use super::descent::{Origin, Stopping};
 use super::irls::ScaleReference;
 use super::passes::Passes;
 use super::pixel::CommonLobe;
@@ -92,7 +93,8 @@ fn a_pass_looks_before_every_register_of_pixels() {
             let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
             let photographs = &photographs(stack, &painting.rig, start, pairs, false);
             let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
-            pass(&Passes { photographs, run, scale_reference }, begin(start, 1.0))
+            let gaussian = Gaussian::of(2);
+            pass(&Passes { photographs, run, scale_reference, gaussian }, begin(start, 1.0))
         };
         looks::count(all)
     };
@@ -103,12 +105,19 @@ fn a_pass_looks_before_every_register_of_pixels() {
         ("irls", 1, &|passes, begin| {
             let state = State::new(begin, PIXELS, passes.run)?;
             let mut to = state.copied(passes.run)?;
-            passes.irls(&state, &mut to, lobe, 1, true).map(drop)
+            passes
+                .irls(
+                    &state,
+                    &mut to,
+                    lobe,
+                    Stopping { steps: 1, tolerance: 2e-5 },
+                    &[Origin::Brightest],
+                )
+                .map(drop)
         }),
         ("apply", 3, &|passes, begin| {
-            let gaussian = Gaussian::of(2);
             let application =
-                Application { passes: *passes, begin, lobe, refined: true, unit: 1.0, gaussian };
+                Application { passes: *passes, begin, lobe, refined: true, unit: 1.0 };
             let mut strengths = Strengths::unknown(PIXELS, passes.run)?;
             application.whole(&mut Maps::new(PIXELS).out(), &mut strengths).map(drop)
         }),
