@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,11 @@ from impasto.jobs.photographs import Photographs, checked_reading, open_photogra
 from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack
 
-COPIES = 7
+COPIES = 5
 """A tile of samples is in memory so often, at most: the one that is read, as codes and as samples,
-the one that is encoded, with the copies that make its file, and the file that is written."""
+and three that are written or wait for it."""
+WRITERS = 2
+"""Tiles that are written at a time: one is made and copied while the disk flushes the other."""
 
 
 def ingest(
@@ -118,14 +119,6 @@ def ingest(
     return target
 
 
-@dataclass(frozen=True)
-class _Encoded:
-    """A tile as files, and a pixel of it, which knows all that is no map."""
-
-    files: dict[Path, bytes | memoryview]
-    corner: Stack
-
-
 def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[Stack, None, None]:
     """Write every tile, and give a pixel of it."""
     masked: set[bool] = set()
@@ -139,18 +132,19 @@ def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[St
             raise ArgumentError("source: has a mask in some of its windows only")
         return stack
 
-    def encode(tile: Tile, stack: Stack) -> _Encoded:
-        files = {
-            folder / array.path(*tile): array.encoded(plane, *tile)
-            for array, plane in _maps(stack, grid)
-        }
-        return _Encoded(files, stack[:1, :1])
+    def encode(_: Tile, stack: Stack) -> Stack:
+        return stack  # it becomes a file while that is written
 
-    def write(_: Tile, encoded: _Encoded) -> Stack:
-        atomic_together(encoded.files)
-        return encoded.corner
+    def write(tile: Tile, stack: Stack) -> Stack:
+        atomic_together(
+            {
+                folder / array.path(*tile): array.pieces(plane, *tile)
+                for array, plane in _maps(stack, grid)
+            }
+        )
+        return stack[:1, :1]
 
-    return pipelined(list(grid), read, check, encode, write)
+    return pipelined(list(grid), read, check, encode, write, writers=WRITERS)
 
 
 def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
-from impasto.io.results.shards import missing_chunks, shard_of
+from impasto.io.results.shards import missing_chunks, shard_of, shard_pieces
 
 TILE = 1024
 """Rows and columns of a tile, if nobody says otherwise: 4 MiB of a map in single precision."""
@@ -160,10 +160,20 @@ class ZarrArray:
         """The file of a tile, or of the only chunk, that holds these numbers."""
         if self.tile is None:
             return self._encoder.written(f"array{self.path().removeprefix(self.folder)}", part)
+        numbers = self._of_tile(part, row, column)
+        return shard_of(numbers, self.tile, self.inner, fill_of(self.dtype))
+
+    def pieces(self, part: NDArray[Any], row: int, column: int) -> Iterator[memoryview]:
+        """The same of a tile, piece by piece, each of which is gone with the next."""
+        assert self.tile is not None
+        numbers = self._of_tile(part, row, column)
+        return shard_pieces(numbers, self.tile, self.inner, fill_of(self.dtype))
+
+    def _of_tile(self, part: NDArray[Any], row: int, column: int) -> NDArray[Any]:
+        """The numbers of a tile as they are stored."""
         window = self.window(row, column)
         assert part.shape[-2:] == tuple(one.stop - one.start for one in window)
-        numbers = np.asarray(part, self.dtype.newbyteorder("<"))
-        return shard_of(numbers, self.tile, self.inner, fill_of(self.dtype))
+        return np.asarray(part, self.dtype.newbyteorder("<"))
 
     def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes | memoryview]]:
         """Every file of the array with its bytes."""
