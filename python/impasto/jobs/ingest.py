@@ -157,7 +157,9 @@ def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:
 
 def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[str, Any]]) -> None:
     """Write what is no map, and the metadata of all arrays."""
-    files_read = [[str(one.get(key, "")) for key in ("file", "bytes", "sha256")] for one in inputs]
+    files_read = [
+        [str(one.get("file", "")), str(one.get("bytes", "")), _checksum(one)] for one in inputs
+    ]
     arrays = {**arrays_of_store(stack), "inputs": np.array(files_read)}
     others = zarr_arrays(arrays, (), None)
     maps = [array for array, _ in _maps(stack, grid)]
@@ -167,6 +169,11 @@ def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[s
     files |= {array.metadata_path: array.metadata for array in maps}
     files[METADATA] = group_metadata(arrays, sorted([*others, *maps], key=lambda one: one.name))
     atomic_together({folder / name: data for name, data in files.items()})
+
+
+def _checksum(entry: Mapping[str, Any]) -> str:
+    """SHA-256; of a tile of another store its own kind of checksum."""
+    return str(entry.get("sha256") or f"crc32c:{entry.get('crc32c', '')}")
 
 
 def _tile_for(memory: int, pixel: Footprint) -> int:

@@ -31,7 +31,7 @@ from impasto.io.session.stored import SUFFIX, StoredStack
 from impasto.io.session_toml import is_session
 from impasto.io.sources import Source
 from impasto.jobs.grid import Footprint
-from impasto.report import file_entries
+from impasto.report import file_entries, file_entry
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -85,7 +85,10 @@ class Photographs(ABC):
 
     @abstractmethod
     def inputs(self) -> list[dict[str, Any]]:
-        """Name, size and SHA-256 of what is read; all of it is read for this."""
+        """Name, size and SHA-256 of what is read; all of it is read for this.
+
+        Of a tile of a store, whose readers compare its checksums, one of these (``crc32c``).
+        """
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:
         """What :meth:`inputs` returns, and on the way how many bytes of how many are read.
@@ -294,7 +297,15 @@ class Files(Photographs):
         return self.hashed(lambda done, total: None)
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
-        return file_entries(list(self._seen), report)
+        if self._path.suffix.lower() != SUFFIX:
+            return file_entries(list(self._seen), report)
+        stored = StoredStack(self._path.absolute())
+        found: list[dict[str, Any]] = []
+        total = sum(path.stat().st_size for path in self._seen)
+        for path in self._seen:
+            report(sum(one["bytes"] for one in found), total)
+            found.append(stored.tile_entry(path) or file_entry(path))
+        return found
 
     def changed(self) -> list[Path]:  # noqa: D102
         return [path for path, trace in self._seen.items() if _trace(path) != trace]

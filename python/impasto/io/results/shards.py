@@ -126,9 +126,13 @@ def missing_chunks(path: Path, across: int, rows: slice, columns: slice) -> int:
     return int(np.count_nonzero(lost))
 
 
-def _check(file: NDArray[np.uint8]) -> None:
-    """Put the checksum of all bytes but the last four into these."""
+def crc32c(data: NDArray[np.uint8]) -> int:
+    """The checksum of some bytes."""
     import google_crc32c
 
-    found = np.array([google_crc32c.value(file[:-CHECKSUM])], "<u4")
-    file[-CHECKSUM:] = found.view(np.uint8)
+    return int(google_crc32c.value(data))
+
+
+def _check(file: NDArray[np.uint8]) -> None:
+    """Put the checksum of all bytes but the last four into these."""
+    file[-CHECKSUM:] = np.array([crc32c(file[:-CHECKSUM])], "<u4").view(np.uint8)

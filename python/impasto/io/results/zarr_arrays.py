@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
+from impasto._internal.windows import Window, overlap, within
+from impasto.io.results.shard_reader import ShardLayout
 from impasto.io.results.shards import missing_chunks, shard_of, shard_pieces
 
 TILE = 1024
@@ -188,6 +190,31 @@ class ZarrArray:
         for row in range(rows.start // self.tile, -(-rows.stop // self.tile)):
             for column in range(columns.start // self.tile, -(-columns.stop // self.tile)):
                 yield row, column
+
+    def filled(self, store: Path, part: Window, out: NDArray[Any]) -> None:
+        """Fill ``out`` with a window ``(..., rows, columns)`` of the map, tile by tile.
+
+        Raises
+        ------
+        CorruptInputError
+            A chunk of the window is missing, or its checksum does not agree.
+        """
+        for tile in self.tiles(*part):
+            there = self.window(*tile)
+            common = overlap(there, part)
+            into = out[..., *within(common, part)]
+            self._layout.read(store / self.path(*tile), within(common, there), into)
+
+    def checksums(self, store: Path, row: int, column: int, *, compare: bool) -> str:
+        """One checksum of those of all chunks of a tile; see :class:`ShardLayout`."""
+        there = self.window(row, column)
+        file = store / self.path(row, column)
+        return self._layout.checksums(file, within(there, there), compare=compare)
+
+    @property
+    def _layout(self) -> ShardLayout:
+        assert self.tile is not None
+        return ShardLayout(self.shape[:-2], self.dtype, self.tile, self.inner)
 
     def missing_chunks(
         self, path: Path, row: int, column: int, within: tuple[slice, slice] | None = None

@@ -293,6 +293,8 @@ def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
         It names the file or the array.
     """
     check_files(path, array)
+    if is_usual(path, array):
+        return from_store(array.name, _filled(path, array, *map(slice, (0, 0), array.shape[-2:])))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[...], dtype=array.dtype)
     return from_store(array.name, found)
@@ -309,9 +311,34 @@ def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> ND
     """
     _check_metadata(path, array)
     check_window(path, array, rows, columns)
+    if is_usual(path, array):
+        return from_store(array.name, _filled(path, array, rows, columns))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
     return from_store(array.name, found)
+
+
+def _filled(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
+    """A window of a map, whose files are as this version writes them."""
+    size = rows.stop - rows.start, columns.stop - columns.start
+    found = np.empty((*array.shape[:-2], *size), array.dtype)
+    array.filled(path, (rows, columns), found)
+    return found
+
+
+def is_usual(path: Path, array: ZarrArray) -> bool:
+    """Whether a map is described as this version describes it; zarr reads what else there is."""
+    if array.tile is None or 0 in array.shape:
+        return False
+    try:
+        found = json.loads((path / array.metadata_path).read_bytes())
+        own = json.loads(array.metadata)
+        for one in (found, own):
+            one.pop("dimension_names", None)
+            one.pop("attributes", None)
+    except (*DAMAGE, OSError):
+        return False
+    return bool(found == own)
 
 
 def _opened(path: Path, array: ZarrArray) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from impasto._internal.windows import Window, offset
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import STACK
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
-from impasto.io.results.zarr_store import contents, read_array, read_window
+from impasto.io.results.zarr_store import contents, is_usual, read_array, read_window
 from impasto.io.session.archive import arrays_beside_samples, refuse_options, stack_of_arrays
 from impasto.io.session.frames import check_region
 from impasto.io.sources import Source
@@ -86,6 +87,39 @@ class StoredStack:
         inner = [name for array in self._arrays.values() for name, _ in array.paths()]
         about = [METADATA, *(array.metadata_path for array in self._arrays.values())]
         return [self._path / name for name in sorted([*inner, *about])]
+
+    def tile_entry(self, file: Path, *, compare: bool = False) -> dict[str, Any] | None:
+        """Name, size and checksum of the file of a tile, for those who must know it again.
+
+        The checksum is one of the CRC-32C of its chunks (``crc32c``): they stand in the file, and
+        whoever reads a chunk compares them, so that the numbers need not be read for it. None of
+        other files of the store.
+
+        Parameters
+        ----------
+        compare
+            Whether the numbers of a tile are read all the same, and compared.
+
+        Raises
+        ------
+        CorruptInputError
+            A tile is not as it was written.
+        """
+        if file not in self._tiles:
+            return None
+        array, tile = self._tiles[file]
+        found = array.checksums(self._path, *tile, compare=compare)
+        return {"file": file.as_posix(), "bytes": file.stat().st_size, "crc32c": found}
+
+    @cached_property
+    def _tiles(self) -> dict[Path, tuple[ZarrArray, tuple[int, int]]]:
+        """The files of maps that are laid out as this version does it."""
+        return {
+            self._path / name: (array, tile)
+            for array in self._arrays.values()
+            if is_usual(self._path, array)
+            for name, tile in array.paths()
+        }
 
     def mask(self, rows: slice, columns: slice) -> NDArray[np.bool_] | None:
         """A window of the mask; None where there is none."""
