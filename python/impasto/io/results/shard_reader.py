@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.regular import RegularFile
-from impasto._internal.windows import Window, overlap, within
+from impasto._internal.windows import Window, overlap
 from impasto.errors import CorruptInputError
 from impasto.io.results.shards import ABSENT, CHECKSUM, crc32c
 
@@ -54,8 +54,17 @@ class ShardLayout:
     def _across(self) -> int:
         return self.tile // self.inner
 
-    def read(self, path: Path, window: Window, out: NDArray[Any]) -> None:
-        """Fill ``out (..., y, x)`` with the numbers of a window of the tile.
+    def read(self, path: Path, window: Window, out: NDArray[Any], stride: int = 1) -> None:
+        """Fill what ``out (..., y, x)`` has of the tile.
+
+        Parameters
+        ----------
+        path
+            The file.
+        window
+            Rows and columns of the map, counted from those of the tile: it may reach beyond.
+        out
+            For every so many rows and columns of the window, from its first on.
 
         Raises
         ------
@@ -66,13 +75,14 @@ class ShardLayout:
         # Bytes above 1 are no truth values.
         dtype = np.dtype(np.uint8) if self.dtype.kind == "b" else self.dtype.newbyteorder("<")
         chunk = stored[: self._bytes].view(dtype).reshape(self._chunk)
+        every = slice(0, self.tile), slice(0, self.tile)
         with closing(RegularFile(path)) as file:
-            for place, at in self._places(file, window):
+            for place, at in self._places(file, overlap(window, every)):
                 file.fill(at, stored)
                 if crc32c(stored[:-CHECKSUM]) != int(stored[-CHECKSUM:].view("<u4")[0]):
                     raise CorruptInputError(path, "is damaged: the checksum of a chunk is another")
-                part = overlap(place, window)
-                into, taken = within(part, window), within(part, place)
+                pairs = [_steps(*sides, stride) for sides in zip(place, window, strict=True)]
+                taken, into = zip(*pairs, strict=True)
                 if self.dtype.kind == "b":
                     np.not_equal(chunk[..., *taken], 0, out=out[..., *into])
                 else:
@@ -132,3 +142,12 @@ class ShardLayout:
         if crc32c(found[:size]) != int(found[size:].view("<u4")[0]):
             raise CorruptInputError(file.path, "is damaged: the checksum of its index is another")
         return found[:size].view("<u8").reshape(self._across, self._across, 2)
+
+
+def _steps(chunk: slice, window: slice, stride: int) -> tuple[slice, slice]:
+    """Which rows of a chunk are every so many of a window, and which of these they are."""
+    start, stop = max(chunk.start, window.start), min(chunk.stop, window.stop)
+    first = -(-(start - window.start) // stride)
+    end = -(-(stop - window.start) // stride)
+    at = window.start + first * stride - chunk.start
+    return slice(at, stop - chunk.start, stride), slice(first, end)

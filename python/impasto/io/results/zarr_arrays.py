@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
-from impasto._internal.windows import Window, overlap, within
+from impasto._internal.windows import Window, within
 from impasto.io.results.shard_reader import ShardLayout
 from impasto.io.results.shards import missing_chunks, shard_of, shard_pieces
 
@@ -191,8 +191,8 @@ class ZarrArray:
             for column in range(columns.start // self.tile, -(-columns.stop // self.tile)):
                 yield row, column
 
-    def filled(self, store: Path, part: Window, out: NDArray[Any]) -> None:
-        """Fill ``out`` with a window ``(..., rows, columns)`` of the map, tile by tile.
+    def filled(self, store: Path, part: Window, out: NDArray[Any], stride: int = 1) -> None:
+        """Fill ``out`` with every so many rows and columns of a window of the map, tile by tile.
 
         Raises
         ------
@@ -200,10 +200,8 @@ class ZarrArray:
             A chunk of the window is missing, or its checksum does not agree.
         """
         for tile in self.tiles(*part):
-            there = self.window(*tile)
-            common = overlap(there, part)
-            into = out[..., *within(common, part)]
-            self._layout.read(store / self.path(*tile), within(common, there), into)
+            place = self.window(*tile)
+            self._layout.read(store / self.path(*tile), within(part, place), out, stride)
 
     def checksums(self, store: Path, row: int, column: int, *, compare: bool) -> str:
         """One checksum of those of all chunks of a tile; see :class:`ShardLayout`."""

@@ -294,14 +294,19 @@ def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
     """
     check_files(path, array)
     if is_usual(path, array):
-        return from_store(array.name, _filled(path, array, *map(slice, (0, 0), array.shape[-2:])))
+        height, width = array.shape[-2:]
+        return from_store(array.name, _filled(path, array, slice(0, height), slice(0, width)))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[...], dtype=array.dtype)
     return from_store(array.name, found)
 
 
-def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
+def read_window(
+    path: Path, array: ZarrArray, rows: slice, columns: slice, stride: int = 1
+) -> NDArray[Any]:
     """A window ``(..., rows, columns)`` of a map; no other chunks are read.
+
+    ``stride``: every so many of its rows and columns, from the first on.
 
     Raises
     ------
@@ -312,17 +317,19 @@ def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> ND
     _check_metadata(path, array)
     check_window(path, array, rows, columns)
     if is_usual(path, array):
-        return from_store(array.name, _filled(path, array, rows, columns))
+        return from_store(array.name, _filled(path, array, rows, columns, stride))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
-    return from_store(array.name, found)
+    return from_store(array.name, found[..., ::stride, ::stride])
 
 
-def _filled(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
+def _filled(
+    path: Path, array: ZarrArray, rows: slice, columns: slice, stride: int = 1
+) -> NDArray[Any]:
     """A window of a map, whose files are as this version writes them."""
-    size = rows.stop - rows.start, columns.stop - columns.start
+    size = (-(-(side.stop - side.start) // stride) for side in (rows, columns))
     found = np.empty((*array.shape[:-2], *size), array.dtype)
-    array.filled(path, (rows, columns), found)
+    array.filled(path, (rows, columns), found, stride)
     return found
 
 

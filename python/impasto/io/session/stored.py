@@ -127,8 +127,11 @@ class StoredStack:
             return None
         return np.asarray(read_window(self._path, self._arrays["mask"], rows, columns), np.bool_)
 
-    def read(self, window: Window | None) -> dict[str, NDArray[Any]]:
-        """Every array; of the samples and the mask a window alone, all of it if there is none."""
+    def read(self, window: Window | None, stride: int = 1) -> dict[str, NDArray[Any]]:
+        """Every array; of the samples and the mask a window alone, all of it if there is none.
+
+        ``stride``: every so many rows and columns of these.
+        """
         found = dict(self._text)
         height, width = self.size
         rows, columns = window or (slice(0, height), slice(0, width))
@@ -136,7 +139,7 @@ class StoredStack:
             if array.tile is None:
                 found[name] = read_array(self._path, array)
             else:
-                found[name] = read_window(self._path, array, rows, columns)
+                found[name] = read_window(self._path, array, rows, columns, stride)
         return found
 
 
@@ -197,6 +200,13 @@ def read_stored(path: Path, given: Mapping[str, Any], region: Sequence[int] | No
     window = slice(top, top + height), slice(left, left + width)
     part = offset(window, stored.size)
     return stack_of_arrays(stored.read(window), path, part, stored.files())
+
+
+def thinned_stored(path: Path, window: Window, stride: int) -> Stack:
+    """Every so many rows and columns of a window of a store; it lies where the window does."""
+    stored = StoredStack(path)
+    part = offset(window, stored.size)
+    return stack_of_arrays(stored.read(window, stride), path, part, stored.files())
 
 
 def arrays_of_store(stack: Stack) -> dict[str, NDArray[Any]]:
