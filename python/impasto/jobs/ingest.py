@@ -13,6 +13,7 @@ import numpy as np
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.pools import Pool
+from impasto._internal.recycling import Recycled, recycling
 from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -122,9 +123,11 @@ def ingest(
 def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[Stack, None, None]:
     """Write every tile, and give a pixel of it."""
     masked: set[bool] = set()
+    memory = Recycled()
 
     def read(tile: Tile) -> Stack:
-        return photographs.window(*grid.window(tile))
+        with recycling(memory):
+            return photographs.window(*grid.window(tile))
 
     def check(_: Tile, stack: Stack) -> Stack:
         masked.add(stack.mask is not None)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import suggestion
+from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
@@ -141,17 +142,22 @@ class Photographs(ABC):
         found: NDArray[Any] | None = None
         mask = np.ones((len(rows), len(columns)), np.bool_)
         first: Stack | None = None
+        memory = Recycled()
         for down in _between_multiples(rows, side):
             for across in _between_multiples(columns, side):
                 lines, places = rows[down], columns[across]
                 area = slice(lines[0], lines[-1] + 1), slice(places[0], places[-1] + 1)
-                part = self.thinned(*area, stride)
-                first = part if first is None else first
+                with recycling(memory):
+                    part = self.thinned(*area, stride)
+                if first is None:
+                    # All that it is but its pixels, whose memory the next window takes.
+                    first = part._replace(samples=part.samples[..., :1, :1].copy(), mask=None)
                 if found is None:
                     found = np.empty((*self.shape[:2], *mask.shape), part.samples.dtype)
                 found[..., down, across] = part.samples
                 if part.mask is not None:
                     mask[down, across] = part.mask
+                del part
         assert first is not None
         assert found is not None
         rig = sample.rig(Rig(first.rig, origin=(0.0, 0.0)))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.damage import DAMAGE
+from impasto._internal.recycling import empty
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder, recover
@@ -328,7 +329,7 @@ def _filled(
 ) -> NDArray[Any]:
     """A window of a map, whose files are as this version writes them."""
     size = (-(-(side.stop - side.start) // stride) for side in (rows, columns))
-    found = np.empty((*array.shape[:-2], *size), array.dtype)
+    found = empty((*array.shape[:-2], *size), array.dtype)
     array.filled(path, (rows, columns), found, stride)
     return found
 

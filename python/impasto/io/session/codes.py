@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.recycling import empty
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 from impasto.io.images import ImageHeader, open_picture
@@ -102,7 +103,7 @@ def _allocate(dtype: np.dtype[Any], shape: tuple[int, ...], count: int, path: Pa
             f"{path.parent}: {count} photographs need {needed / 1e9:.1f} GB, this machine has "
             f"{memory / 1e9:.1f} GB; read a part with region=(top, left, height, width)"
         )
-    return np.empty((count, *shape), dtype)
+    return empty((count, *shape), dtype)
 
 
 def _size(header: ImageHeader) -> str:
