@@ -105,6 +105,11 @@ def test_a_job_knows_the_tiles_of_a_store_by_the_checksums_in_them(tmp_path: Pat
     assert all(set(one) == {"file", "bytes", "crc32c"} for one in tiles)
     file = Path(tiles[0]["file"])
     assert tiles[0]["bytes"] == file.stat().st_size
+    crate = impasto.jobs.export_ro_crate(fitted, tmp_path / "crate")
+    graph = json.loads((crate / "ro-crate-metadata.json").read_text())["@graph"]
+    (described,) = (one for one in graph if one["@id"] == file.as_uri())
+    assert described["identifier"] == f"crc32c:{tiles[0]['crc32c']}"
+    assert "sha256" not in described
     before = file.read_bytes()
     bright = taken._replace(samples=taken.samples // 2)
     other = impasto.ingest(bright, tmp_path / "other.zarr", tile=64)

@@ -28,6 +28,7 @@ from jobs import BANDS, LIGHTS, STEREO, photographs
 from record import run_info, show, write
 
 import impasto
+from impasto._internal.recycling import Recycled, recycling
 from impasto.fit.saved import maps_of
 from impasto.io.files import atomic_together
 from impasto.io.json_lines import crc_of
@@ -36,7 +37,7 @@ from impasto.io.results.zarr_store import same_arrays
 from impasto.jobs.assembly import files_of_tile
 from impasto.jobs.grid import Grid
 from impasto.jobs.levels import half_scale
-from impasto.jobs.photographs import open_photographs
+from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.tiles import fitted
 from impasto.report import file_entry
 
@@ -74,11 +75,17 @@ def measured(folder: Path) -> list[dict[str, Any]]:
     names = [folder / f"light{index:02}.tif" for index in range(LIGHTS)]
     part = TILE**2 / (source.size[0] * source.size[1])
     step("hashes", lambda: [file_entry(name) for name in names], part)
-    stack = step("reading", lambda: source.window(*window))
+    memory = Recycled()
+
+    def window_of(photographs: Photographs) -> impasto.Stack:
+        with recycling(memory):  # as the second pass of a job does
+            return photographs.window(*window)
+
+    stack = step("reading", lambda: window_of(source))
     store = impasto.ingest(folder / "dirs.lp", folder / "stack.zarr", tile=TILE)
     stored = open_photographs(store, {}, 1, None)
     step("hashes, store", stored.inputs, part)
-    step("reading, store", lambda: stored.window(*window))
+    step("reading, store", lambda: window_of(stored))
     step("a ninth of it, store", lambda: stored.thinned(*window, 3))
     result = step("fit", lambda: fitted(model, stack, grid, (0, 0), 1))
     small = step("smaller scale", lambda: half_scale(result, grid))
