@@ -40,8 +40,8 @@ def fuzzed(rows: list[dict[str, Any]], seed: int, first: int) -> None:
     seeds: dict[str, dict[str, Any]] = {}
     for key, run in runs.items():
         seed_of, _, reader = key.split(" ")
-        for name in (seed_of, ALL):
-            at = seeds.setdefault(name, {"seed": name, "readers": set(), "cases": 0, "faults": 0})
+        for name in (f"seed {seed_of}", ALL):
+            at = seeds.setdefault(name, {"run": name, "readers": set(), "cases": 0, "faults": 0})
             at["readers"].add(reader)
             at["cases"] += run["cases"]
             at["faults"] += run["faults"]
