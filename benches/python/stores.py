@@ -41,7 +41,7 @@ WAYS = {
     "picture, loaded": "whole",
     "detail of 512 x 512": "detail",
     "overview": "overview",
-    "smaller scales, as a job makes them": "scales",
+    "smaller scales, from half the scale on": "scales",
     "height, tile by tile": "height",
     "height, loaded": "whole height",
 }
