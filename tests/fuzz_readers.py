@@ -49,7 +49,7 @@ from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs.journal import read_journal
 from impasto.jobs.record import JobRecord
-from recorded_faults import recorded
+from recorded_faults import fuzzed, recorded
 from rti_files import rti_readers
 
 SECONDS = 2.0
@@ -390,6 +390,7 @@ def main() -> int:
     if chosen.record:
         words = " ".join(word for word in sys.argv[1:] if word not in known)
         recorded("readers", rows, f"python tests/fuzz_readers.py {words}")
+        fuzzed(rows, chosen.seed, chosen.first)
     return int(any(row["faults"] for row in rows))
 
 

@@ -93,6 +93,41 @@ def test_a_job_of_a_store_is_that_of_the_photographs(tmp_path: Path) -> None:
     assert [finding.file for finding in impasto.jobs.verify(fitted)] == [str(file)]
 
 
+def test_a_job_knows_the_tiles_of_a_store_by_the_checksums_in_them(tmp_path: Path) -> None:
+    """Numbers that change with the checksum of their chunk are found, and those without it."""
+    taken = stack()
+    out = impasto.ingest(taken, tmp_path / "stack.zarr", tile=64)
+    options = {"memory": "1.5MB", "tile": 32, "sample": 1, **PIXEL}
+    fitted = impasto.run(out, tmp_path / "painting.zarr", **options)
+    record = json.loads((fitted / "job" / "job.json").read_text())
+    tiles = [one for one in record["inputs"] if "/samples/c/" in one["file"]]
+    assert tiles
+    assert all(set(one) == {"file", "bytes", "crc32c"} for one in tiles)
+    file = Path(tiles[0]["file"])
+    assert tiles[0]["bytes"] == file.stat().st_size
+    crate = impasto.jobs.export_ro_crate(fitted, tmp_path / "crate")
+    graph = json.loads((crate / "ro-crate-metadata.json").read_text())["@graph"]
+    (described,) = (one for one in graph if one["@id"] == file.as_uri())
+    assert described["identifier"] == f"crc32c:{tiles[0]['crc32c']}"
+    assert "sha256" not in described
+    before = file.read_bytes()
+    bright = taken._replace(samples=taken.samples // 2)
+    other = impasto.ingest(bright, tmp_path / "other.zarr", tile=64)
+    file.write_bytes((other / file.relative_to(out)).read_bytes())
+    assert [f.problem for f in impasto.jobs.verify(fitted)] == ["has changed since the job read it"]
+    with pytest.raises(impasto.ResumeMismatchError, match="has changed since the job read it"):
+        impasto.run(out, tmp_path / "painting.zarr", **options)
+    changed = bytearray(before)
+    changed[7] ^= 16
+    file.write_bytes(changed)
+    # Who goes on learns of it from whoever reads the tile.
+    with pytest.raises(CorruptInputError, match="the checksum of a chunk is another"):
+        impasto.run(out, tmp_path / "again.zarr", **options)
+    assert [f.problem for f in impasto.jobs.verify(fitted)] == ["has changed since the job read it"]
+    file.write_bytes(before)
+    assert impasto.jobs.verify(fitted) == ()
+
+
 def test_pictures_that_are_decoded_whole_are_decoded_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

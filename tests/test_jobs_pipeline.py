@@ -33,6 +33,19 @@ def test_tiles_come_in_their_order_through_every_step() -> None:
     assert found == [(tile, ("encoded", ("made", ("read", tile)))) for tile in TILES]
 
 
+def test_one_tile_is_written_while_another_is_flushed() -> None:
+    """With two writers each of the first two waits for the other; results keep their order."""
+    both = threading.Barrier(2, timeout=10)
+
+    def write(tile: tuple[int, int], _: object) -> tuple[int, int]:
+        if tile[1] < 2:
+            both.wait()
+        return tile
+
+    steps = (lambda tile: tile, lambda tile, _: tile, lambda tile, _: tile)
+    assert list(pipelined(TILES, *steps, write, writers=2)) == TILES
+
+
 def test_ctrl_c_loses_no_tile_that_is_made() -> None:
     # The disk is slow: everything is made that may be before the first tile is written. Ctrl-C then
     # comes while the caller waits for the disk.

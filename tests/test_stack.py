@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -170,3 +172,13 @@ def test_statuses_have_the_numerics_numbers() -> None:
     assert {snake(name): code for name, code in _core.STATUS} == {
         status.name: int(status) for status in impasto.Status
     }
+
+
+def test_nan_that_signal_are_nan_like_others() -> None:
+    """As a damaged file may hold them; processors raise a flag where one becomes a double."""
+    samples = np.ones((3, 2, 4, 5), np.float32)
+    samples.view(np.uint32)[0, 0, 0, 0] = 0x7F800001
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = stack(samples)
+    assert np.isnan(found.samples[0, 0, 0, 0])

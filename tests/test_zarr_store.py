@@ -20,6 +20,7 @@ import zarr
 import impasto
 from impasto import ArgumentError, CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray, inner_of
+from impasto.io.results.zarr_store import is_usual, read_window
 from killed_jobs import stack, tree
 
 FITS: dict[str, dict[str, Any]] = {
@@ -160,9 +161,9 @@ def attributes(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
 
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
-    "a bit of a map": (lambda s: flip(s / "normal/c/0/0/0"), "normal: is damaged"),
+    "a bit of a map": (lambda s: flip(s / "normal/c/0/0/0"), "normal/c/0/0/0: is damaged: the che"),
     "a bit of an index": (lambda s: flip(s / "normal/c/0/0/0", -1 + (s / "normal/c/0/0/0").stat()
-        .st_size), "normal: is damaged"),
+        .st_size), "normal/c/0/0/0: is damaged"),
     "a bit of a number": (lambda s: flip(s / "beta/c", 3), "beta: is damaged"),
     "a bit of a rig": (lambda s: flip(s / "rig.lights/c/0/0"), "rig.lights: is damaged"),
     "a map deleted": (lambda s: (s / "sigma/c/0/0").unlink(), "sigma/c/0/0: is missing"),
@@ -299,9 +300,43 @@ def test_tiles_written_alone_are_those_of_the_whole(dtype: str, tmp_path: Path) 
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(array.encoded(values[(..., *array.window(row, column))], row, column))
         assert array.missing_chunks(path, row, column) == 0
+        part = values[(..., *array.window(row, column))]
+        pieces = b"".join(bytes(piece) for piece in array.pieces(part, row, column))
+        assert pieces == path.read_bytes()
     found = zarr.open_array(tmp_path / "map", mode="r")
     assert found.dtype == values.dtype
     assert found[...].tobytes() == values.tobytes()
+
+
+@pytest.mark.parametrize("dtype", ["float16", "float64", "uint16", "bool"])
+def test_windows_of_what_the_zarr_library_wrote(dtype: str, tmp_path: Path) -> None:
+    """Whole, across tiles and chunks, a pixel."""
+    values = (np.arange(17 * 300 * 410) % 1999).reshape(17, 300, 410).astype(dtype)
+    array = ZarrArray("map", values.shape, values.dtype, 256)
+    (tmp_path / "map").mkdir()
+    (tmp_path / "map" / "zarr.json").write_bytes(array.metadata)
+    zarr.open_array(tmp_path / "map", mode="r+", config={"write_empty_chunks": True})[...] = values
+    assert is_usual(tmp_path, array)
+    for top, left, bottom, right in [(0, 0, 300, 410), (130, 200, 290, 409), (255, 256, 256, 257)]:
+        part = slice(top, bottom), slice(left, right)
+        found = read_window(tmp_path, array, *part)
+        assert found.dtype == values.dtype
+        assert found.tobytes() == np.ascontiguousarray(values[(..., *part)]).tobytes()
+        some = read_window(tmp_path, array, *part, stride=7)
+        assert some.tobytes() == np.ascontiguousarray(found[..., ::7, ::7]).tobytes()
+
+
+def test_a_map_in_another_layout_is_read_by_zarr(tmp_path: Path) -> None:
+    """Without checksums, as other programs write; the shape of its shards is that of our tiles."""
+    values = np.random.default_rng(3).random((3, 64, 64), np.float32)
+    array = ZarrArray("map", values.shape, values.dtype, 64)
+    zarr.create_array(
+        tmp_path / "map", data=values, shards=(3, 64, 64), chunks=(3, 32, 32), compressors=None,
+        zarr_format=3,
+    )  # fmt: skip
+    assert not is_usual(tmp_path, array)
+    found = read_window(tmp_path, array, slice(5, 50), slice(0, 64))
+    assert found.tobytes() == np.ascontiguousarray(values[:, 5:50]).tobytes()
 
 
 def test_importing_impasto_does_not_load_zarr() -> None:

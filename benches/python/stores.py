@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -28,6 +30,7 @@ from sources import highest
 
 import impasto
 from impasto.fit.stored.height import height_rows
+from impasto.io.results.zarr_store import levels_of
 from impasto.jobs.levels import write_levels
 
 SCENE = impasto.Scene([impasto.DistantLight((0.3, 0.2, 0.9))])
@@ -38,7 +41,7 @@ WAYS = {
     "picture, loaded": "whole",
     "detail of 512 x 512": "detail",
     "overview": "overview",
-    "smaller scales, as a job makes them": "scales",
+    "smaller scales, from half the scale on": "scales",
     "height, tile by tile": "height",
     "height, loaded": "whole height",
 }
@@ -102,8 +105,11 @@ def done(way: str, store: Path, out: Path) -> dict[str, Any]:
     elif way == "overview":
         impasto.render(stored.level(stored.factors[-1]), SCENE, threads=1).save(out)
     elif way == "scales":
-        with tempfile.TemporaryDirectory() as scratch:
-            write_levels(Path(scratch), stored)
+        with tempfile.TemporaryDirectory(dir=out.parent) as scratch:
+            # Half the scale is made of tiles while these are in memory.
+            half = Path("levels") / "2"
+            shutil.copytree(store / half, scratch / half, copy_function=os.link)
+            write_levels(Path(scratch), stored, levels_of(store)[2], "single")
     elif way == "height":
         stored.height(out, threads=1)
     else:

@@ -333,7 +333,8 @@ def _warn_of_codes(samples: NDArray[Any]) -> None:
     """Point out floats that are whole numbers, as the codes of a camera are."""
     flat = samples.reshape(-1)
     # The mean of two samples near the largest float32 must not overflow.
-    some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float64)
+    with np.errstate(invalid="ignore"):  # a damaged file may hold NaN that signal
+        some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float64)
     known = some[np.isfinite(some)]
     median = float(np.median(known)) if known.size else 0.0
     whole = median > CODES and bool((known == np.rint(known)).all())

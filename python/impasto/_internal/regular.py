@@ -68,16 +68,16 @@ class RegularFile:
         """``(count, length)`` bytes: of each row of ``stride`` bytes the first ``length``."""
         found = np.empty((count, length), np.uint8)
         if length == stride:
-            self._fill(offset, found.reshape(-1))
+            self.fill(offset, found.reshape(-1))
         elif length * _NARROW < stride:
             for index, row in enumerate(found):
-                self._fill(offset + index * stride, row)
+                self.fill(offset + index * stride, row)
         else:
             block = max(1, _AT_ONCE // stride)
             for first in range(0, count, block):
                 rows = found[first : first + block]
                 whole = np.empty((len(rows) - 1) * stride + length, np.uint8)
-                self._fill(offset + first * stride, whole)
+                self.fill(offset + first * stride, whole)
                 rows[:] = np.lib.stride_tricks.as_strided(whole, rows.shape, (stride, 1))
         return found
 
@@ -85,7 +85,8 @@ class RegularFile:
         """Close the file."""
         self.handle.close()
 
-    def _fill(self, offset: int, target: NDArray[np.uint8]) -> None:
+    def fill(self, offset: int, target: NDArray[np.uint8]) -> None:
+        """Bytes from ``offset`` on, as many as the target has: contiguous, filled by this."""
         view, at = target.data, 0
         with self._lock:
             try:

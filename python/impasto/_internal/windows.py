@@ -80,6 +80,14 @@ def within(tile: Window, wide: Window) -> Window:
     return rows, columns
 
 
+def overlap(one: Window, other: Window) -> Window:
+    """What two windows of a picture share."""
+    rows, columns = (
+        slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
+    )
+    return rows, columns
+
+
 def rotated_map(plane: NDArray[Any], turns: int, axis: int | None = None) -> NDArray[Any]:
     """A map ``(..., y, x)`` after quarter turns counterclockwise.
 

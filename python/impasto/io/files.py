@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -64,8 +64,8 @@ def atomic_bytes(path: str | Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
-def atomic_together(files: Mapping[Path, bytes | memoryview]) -> None:
-    """Write files; each appears complete or not at all.
+def atomic_together(files: Mapping[Path, bytes | memoryview | Iterable[memoryview]]) -> None:
+    """Write files, whole or given in pieces; each appears complete or not at all.
 
     The data of all reach the disk before any name does. Disks flush many files in little more time
     than one. Temporary names are the call's own: others may write the same files.
@@ -76,8 +76,10 @@ def atomic_together(files: Mapping[Path, bytes | memoryview]) -> None:
 
         def write(path: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
+            data = files[path]
             with as_problem_of(path), temporary[path].open("wb") as file:
-                file.write(files[path])
+                for piece in (data,) if isinstance(data, bytes | memoryview) else data:
+                    file.write(piece)
                 file.flush()
                 os.fsync(file.fileno())
 

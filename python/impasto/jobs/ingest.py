@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.pools import Pool
+from impasto._internal.recycling import Recycled, recycling
 from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
@@ -25,9 +25,11 @@ from impasto.jobs.photographs import Photographs, checked_reading, open_photogra
 from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack
 
-COPIES = 7
+COPIES = 5
 """A tile of samples is in memory so often, at most: the one that is read, as codes and as samples,
-the one that is encoded, with the copies that make its file, and the file that is written."""
+and three that are written or wait for it."""
+WRITERS = 2
+"""Tiles that are written at a time: one is made and copied while the disk flushes the other."""
 
 
 def ingest(
@@ -118,20 +120,14 @@ def ingest(
     return target
 
 
-@dataclass(frozen=True)
-class _Encoded:
-    """A tile as files, and a pixel of it, which knows all that is no map."""
-
-    files: dict[Path, bytes | memoryview]
-    corner: Stack
-
-
 def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[Stack, None, None]:
     """Write every tile, and give a pixel of it."""
     masked: set[bool] = set()
+    memory = Recycled()
 
     def read(tile: Tile) -> Stack:
-        return photographs.window(*grid.window(tile))
+        with recycling(memory):
+            return photographs.window(*grid.window(tile))
 
     def check(_: Tile, stack: Stack) -> Stack:
         masked.add(stack.mask is not None)
@@ -139,18 +135,19 @@ def _written(folder: Path, photographs: Photographs, grid: Grid) -> Generator[St
             raise ArgumentError("source: has a mask in some of its windows only")
         return stack
 
-    def encode(tile: Tile, stack: Stack) -> _Encoded:
-        files = {
-            folder / array.path(*tile): array.encoded(plane, *tile)
-            for array, plane in _maps(stack, grid)
-        }
-        return _Encoded(files, stack[:1, :1])
+    def encode(_: Tile, stack: Stack) -> Stack:
+        return stack  # it becomes a file while that is written
 
-    def write(_: Tile, encoded: _Encoded) -> Stack:
-        atomic_together(encoded.files)
-        return encoded.corner
+    def write(tile: Tile, stack: Stack) -> Stack:
+        atomic_together(
+            {
+                folder / array.path(*tile): array.pieces(plane, *tile)
+                for array, plane in _maps(stack, grid)
+            }
+        )
+        return stack[:1, :1]
 
-    return pipelined(list(grid), read, check, encode, write)
+    return pipelined(list(grid), read, check, encode, write, writers=WRITERS)
 
 
 def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:
@@ -163,7 +160,9 @@ def _maps(stack: Stack, grid: Grid) -> Iterator[tuple[ZarrArray, Any]]:
 
 def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[str, Any]]) -> None:
     """Write what is no map, and the metadata of all arrays."""
-    files_read = [[str(one.get(key, "")) for key in ("file", "bytes", "sha256")] for one in inputs]
+    files_read = [
+        [str(one.get("file", "")), str(one.get("bytes", "")), _checksum(one)] for one in inputs
+    ]
     arrays = {**arrays_of_store(stack), "inputs": np.array(files_read)}
     others = zarr_arrays(arrays, (), None)
     maps = [array for array, _ in _maps(stack, grid)]
@@ -173,6 +172,11 @@ def _describe(folder: Path, stack: Stack, grid: Grid, inputs: Sequence[Mapping[s
     files |= {array.metadata_path: array.metadata for array in maps}
     files[METADATA] = group_metadata(arrays, sorted([*others, *maps], key=lambda one: one.name))
     atomic_together({folder / name: data for name, data in files.items()})
+
+
+def _checksum(entry: Mapping[str, Any]) -> str:
+    """SHA-256; of a tile of another store its own kind of checksum."""
+    return str(entry.get("sha256") or f"crc32c:{entry.get('crc32c', '')}")
 
 
 def _tile_for(memory: int, pixel: Footprint) -> int:

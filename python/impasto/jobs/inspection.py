@@ -6,16 +6,17 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of, statistics_of
+from impasto.io.session.stored import StoredStack
 from impasto.jobs.beginning import bytes_read
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
 from impasto.jobs.folder import (
@@ -395,12 +396,30 @@ def _foreign(notes: Path, entries: Entries) -> Iterator[Finding]:
 
 
 def _changed_inputs(record: JobRecord) -> Iterator[Finding]:
+    entry_of = _entries_of(record)
     for entry in record.inputs:
         path = Path(entry["file"])
         if not path.is_file():
             yield Finding(str(path), "is missing: a photograph or another input of the job")
-        elif file_entry(path)["sha256"] != entry["sha256"]:
+            continue
+        try:
+            found = entry_of(path)
+        except CorruptInputError as error:
+            yield Finding(str(error.path), error.problem)
+            continue
+        if any(found.get(key) != entry[key] for key in ("sha256", "crc32c") if key in entry):
             yield Finding(str(path), "has changed since the job read it")
+
+
+def _entries_of(record: JobRecord) -> Callable[[Path], Mapping[str, Any]]:
+    """What tells what an input is now; tiles of a store are read, and their checksums compared."""
+    if record.source is None or all("crc32c" not in one for one in record.inputs):
+        return file_entry
+    try:
+        stored = StoredStack(Path(record.source))
+    except (CorruptInputError, FileNotFoundError):
+        return file_entry  # which are not those of tiles
+    return lambda path: stored.tile_entry(path, compare=True) or file_entry(path)
 
 
 def _entries(notes: Path) -> Entries | None:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.checks import suggestion
+from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoError
@@ -27,11 +28,11 @@ from impasto.io.rig_arrays import arrays_of_rig
 from impasto.io.session.frames import picture_codes
 from impasto.io.session.from_session import SessionPhotographs
 from impasto.io.session.reader import read_stack
-from impasto.io.session.stored import SUFFIX, StoredStack
+from impasto.io.session.stored import SUFFIX, StoredStack, thinned_stored
 from impasto.io.session_toml import is_session
 from impasto.io.sources import Source
 from impasto.jobs.grid import Footprint
-from impasto.report import file_entries
+from impasto.report import file_entries, file_entry
 from impasto.rig import Rig
 from impasto.stack import Stack
 
@@ -85,7 +86,10 @@ class Photographs(ABC):
 
     @abstractmethod
     def inputs(self) -> list[dict[str, Any]]:
-        """Name, size and SHA-256 of what is read; all of it is read for this."""
+        """Name, size and SHA-256 of what is read; all of it is read for this.
+
+        Of a tile of a store, whose readers compare its checksums, one of these (``crc32c``).
+        """
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:
         """What :meth:`inputs` returns, and on the way how many bytes of how many are read.
@@ -120,10 +124,17 @@ class Photographs(ABC):
         """How many pixels of a sample lie within the mask."""
         return sample.count(None)
 
+    def thinned(self, rows: slice, columns: slice, stride: int) -> Stack:
+        """Every so many rows and columns of a window, from its first on."""
+        part = self.window(rows, columns)
+        every = np.s_[..., ::stride, ::stride]
+        mask = None if part.mask is None else part.mask[every]
+        return part._replace(samples=part.samples[every], mask=mask)
+
     def sampled(self, sample: Sample, side: int) -> Stack:
         """A sample of all photographs.
 
-        Windows of ``side`` rows and columns are read one after another.
+        Windows of ``side`` rows and columns, as tiles of that size lie, are read one after another.
         """
         if (stride := sample.stride) == 1:
             return self.whole()
@@ -131,18 +142,22 @@ class Photographs(ABC):
         found: NDArray[Any] | None = None
         mask = np.ones((len(rows), len(columns)), np.bool_)
         first: Stack | None = None
-        for top in range(0, len(rows), max(1, side // stride)):
-            for left in range(0, len(columns), max(1, side // stride)):
-                down = rows[top : top + max(1, side // stride)]
-                across = columns[left : left + max(1, side // stride)]
-                part = self.window(*(slice(x[0], x[-1] + 1) for x in (down, across)))
-                first = part if first is None else first
+        memory = Recycled()
+        for down in _between_multiples(rows, side):
+            for across in _between_multiples(columns, side):
+                lines, places = rows[down], columns[across]
+                area = slice(lines[0], lines[-1] + 1), slice(places[0], places[-1] + 1)
+                with recycling(memory):
+                    part = self.thinned(*area, stride)
+                if first is None:
+                    # All that it is but its pixels, whose memory the next window takes.
+                    first = part._replace(samples=part.samples[..., :1, :1].copy(), mask=None)
                 if found is None:
                     found = np.empty((*self.shape[:2], *mask.shape), part.samples.dtype)
-                place = np.s_[top : top + len(down), left : left + len(across)]
-                found[..., *place] = part.samples[..., ::stride, ::stride]
+                found[..., down, across] = part.samples
                 if part.mask is not None:
-                    mask[place] = part.mask[::stride, ::stride]
+                    mask[down, across] = part.mask
+                del part
         assert first is not None
         assert found is not None
         rig = sample.rig(Rig(first.rig, origin=(0.0, 0.0)))
@@ -294,7 +309,15 @@ class Files(Photographs):
         return self.hashed(lambda done, total: None)
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
-        return file_entries(list(self._seen), report)
+        if self._path.suffix.lower() != SUFFIX:
+            return file_entries(list(self._seen), report)
+        stored = StoredStack(self._path.absolute())
+        found: list[dict[str, Any]] = []
+        total = sum(path.stat().st_size for path in self._seen)
+        for path in self._seen:
+            report(sum(one["bytes"] for one in found), total)
+            found.append(stored.tile_entry(path) or file_entry(path))
+        return found
 
     def changed(self) -> list[Path]:  # noqa: D102
         return [path for path, trace in self._seen.items() if _trace(path) != trace]
@@ -321,6 +344,11 @@ class Files(Photographs):
                 return self._banded(rows, columns)
         region = (rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start)
         return self._read(region, self._encoding)
+
+    def thinned(self, rows: slice, columns: slice, stride: int) -> Stack:  # noqa: D102
+        if self._stack is not None or self._path.suffix.lower() != SUFFIX:
+            return super().thinned(rows, columns, stride)
+        return thinned_stored(self._path, (rows, columns), stride)
 
     def _banded(self, rows: slice, columns: slice) -> Stack:
         """A window of a band of whole rows, as high as fits, which is read for many windows."""
@@ -453,6 +481,16 @@ def _middle(size: tuple[int, int], wanted: tuple[int, int]) -> tuple[int, int, i
         min(side, most + (side - most) % 2) for side, most in zip(size, wanted, strict=True)
     )
     return (size[0] - height) // 2, (size[1] - width) // 2, height, width
+
+
+def _between_multiples(places: range, side: int) -> Iterator[slice]:
+    """The numbers of those places that lie between the same multiples of ``side``."""
+    start = 0
+    while start < len(places):
+        end = (places[start] // side + 1) * side
+        stop = min(-(-(end - places.start) // places.step), len(places))
+        yield slice(start, stop)
+        start = stop
 
 
 def _mapped(samples: Any) -> bool:

@@ -25,11 +25,14 @@ def pipelined(
     work: Callable[[Tile, Read], Made],
     encode: Callable[[Tile, Made], Files],
     write: Callable[[Tile, Files], Written],
+    *,
+    writers: int = 1,
 ) -> Generator[Written, None, None]:
     """What ``write`` returns of every tile.
 
     ``work`` runs in the calling thread, each of the others in one of its own; all take the tiles in
-    their order. At a time one tile is read, one is worked on, one is encoded and one is written.
+    their order. At a time one tile is read, one is worked on, one is encoded and one is written,
+    or as many as there are ``writers``: a disk takes one while another is flushed.
 
     Whoever leaves before the end closes this, which waits for what is being done, as an error and
     Ctrl-C do: a tile that ``work`` has made is written.
@@ -37,7 +40,7 @@ def pipelined(
     with (
         Pool(1) as reader,
         Pool(1) as encoder,
-        Pool(1) as writer,
+        Pool(writers) as writer,
     ):
 
         def written(tile: Tile, files: Future[Files]) -> Written:

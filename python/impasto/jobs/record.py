@@ -37,7 +37,7 @@ class JobRecord:
         The tone curve of the photographs and its full scale.
     inputs
         Name, size in bytes and SHA-256 of every file that is read; of a stack in memory, of its
-        numbers.
+        numbers; of a tile of a store, one checksum of those of its chunks (``crc32c``).
     fit
         Options of the fit, defaults included.
     shape
@@ -97,7 +97,10 @@ class JobRecord:
             found = cls(**content)
             numbers = (*found.shape, found.tile, found.sample)
             whole = len(found.shape) == 4 and all(type(one) is int and one > 0 for one in numbers)
-            named = all(type(one[key]) is str for one in found.inputs for key in ("file", "sha256"))
+            named = all(
+                type(one["file"]) is str and type(one.get("sha256", one.get("crc32c"))) is str
+                for one in found.inputs
+            )
             named = named and all(len(note) == 2 for note in found.notes)
             if not (whole and named and isinstance(found.fit, dict)):
                 raise ValueError("an entry is of the wrong kind")

@@ -206,7 +206,7 @@ def _graph(
             "@id": _id(one),
             "@type": "File" if _is_file(one) else "CreativeWork",
             "name": Path(one["file"]).name,
-            "sha256": one["sha256"],
+            **_checksum(one),
             "contentSize": str(one["bytes"]),
             "encodingFormat": kind or "application/octet-stream",
         }
@@ -221,6 +221,13 @@ def _options(record: JobRecord) -> Iterator[tuple[str, Any]]:
         if value is not None:
             plain = isinstance(value, bool | int | float | str)
             yield key, value if plain else json.dumps(value, sort_keys=True)
+
+
+def _checksum(entry: Mapping[str, Any]) -> dict[str, str]:
+    """How an input can be known again."""
+    if "sha256" in entry:
+        return {"sha256": entry["sha256"]}
+    return {"identifier": f"crc32c:{entry['crc32c']}"}
 
 
 def _is_file(entry: Mapping[str, Any]) -> bool:

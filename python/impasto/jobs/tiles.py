@@ -12,6 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
 from impasto.fit.result import Sbrdf
@@ -165,9 +166,11 @@ def fit_tiles(
     threads: int | None,
 ) -> None:
     """Fit the tiles in their order, while others are read, encoded and written."""
+    memory = Recycled()
 
     def read(tile: Tile) -> Stack:
-        return photographs.window(*grid.window(tile, model.halo))
+        with recycling(memory):
+            return photographs.window(*grid.window(tile, model.halo))
 
     def fit(tile: Tile, stack: Stack) -> Sbrdf:
         return fitted(model, stack, grid, tile, threads)

@@ -46,7 +46,7 @@ def to_store(name: str, plane: NDArray[Any], precision: Precision) -> NDArray[An
     """
     if precision == "single" or plane.dtype != np.float32 or not _fits(name):
         return plane
-    half = _rounded(plane)
+    half = _converted(plane, np.float16)
     lost = (half.view(np.uint16) & 0x7FFF) == 0x7C00  # isinf, in a third of its time
     if lost.any() and (found := np.abs(plane[lost & np.isfinite(plane)])).size:
         raise ArgumentError(
@@ -63,22 +63,22 @@ def from_store(name: str, found: NDArray[Any]) -> NDArray[Any]:
     """
     if found.dtype != np.float16 or not _fits(name):
         return found
-    single = found.astype(np.float32)
+    single = _converted(found, np.float32)
     if name.rsplit(".", 1)[-1].rsplit("/", 1)[-1] == "normal":
         single /= np.sqrt(np.einsum("a...,a...->...", single, single))
     return single
 
 
-def _rounded(plane: NDArray[np.float32]) -> NDArray[np.float16]:
-    """To the nearest half, as numpy rounds; OpenCV does so in vectors, in a third of the time."""
+def _converted(plane: NDArray[Any], dtype: type[np.floating[Any]]) -> NDArray[Any]:
+    """Half to single precision or back, to the nearest; OpenCV does in vectors what numpy does."""
     if plane.size == 0:
-        return plane.astype(np.float16)
+        return plane.astype(dtype)
     import cv2
 
     # Rows of the last axis: what has more axes would be channels.
     rows = np.ascontiguousarray(plane).reshape(-1, plane.shape[-1])
-    found: NDArray[np.float16] = cv2.multiply(rows, 1.0, dtype=cv2.CV_16F)
-    return found.reshape(plane.shape)
+    found = cv2.multiply(rows, 1.0, dtype=cv2.CV_16F if dtype is np.float16 else cv2.CV_32F)
+    return np.asarray(found).reshape(plane.shape)
 
 
 def _fits(name: str) -> bool:

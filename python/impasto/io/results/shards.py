@@ -9,6 +9,7 @@ beside photometric stereo. The checksum is that of the library which zarr uses, 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,31 +35,69 @@ def shard_of(part: NDArray[Any], tile: int, inner: int, fill: Any) -> memoryview
     fill
         What a chunk holds beyond the edge. Chunks that lie there as a whole are absent.
     """
-    *leading, height, width = part.shape
-    across = tile // inner
-    rows, columns = -(-height // inner), -(-width // inner)
-    size = math.prod(leading) * inner * inner * part.dtype.itemsize
-    index = np.full((across, across, 2), ABSENT, "<u8")
-    places = (size + CHECKSUM) * np.arange(rows * columns, dtype="<u8").reshape(rows, columns)
-    index[:rows, :columns, 0] = places
-    index[:rows, :columns, 1] = size + CHECKSUM
-    end = rows * columns * (size + CHECKSUM)
-    file = np.empty(end + index.nbytes + CHECKSUM, np.uint8)
-    for (row, column), place in np.ndenumerate(places):
-        held = part[
+    layout = _Layout(part, tile, inner, fill)
+    file = np.empty(layout.end + layout.index_bytes, np.uint8)
+    for number in range(layout.count):
+        start = number * layout.chunk_bytes
+        layout.fill_chunk(file[start : start + layout.chunk_bytes], number)
+    layout.fill_index(file[layout.end :])
+    return file.data
+
+
+def shard_pieces(part: NDArray[Any], tile: int, inner: int, fill: Any) -> Iterator[memoryview]:
+    """The same file, chunk after chunk: a large one need not be in memory, nor leave the cache.
+
+    Each piece is gone when the next one is asked for.
+    """
+    layout = _Layout(part, tile, inner, fill)
+    chunk = np.empty(layout.chunk_bytes, np.uint8)
+    for number in range(layout.count):
+        layout.fill_chunk(chunk, number)
+        yield chunk.data
+    index = np.empty(layout.index_bytes, np.uint8)
+    layout.fill_index(index)
+    yield index.data
+
+
+class _Layout:
+    """Where the chunks of a tile lie in its file."""
+
+    def __init__(self, part: NDArray[Any], tile: int, inner: int, fill: Any) -> None:
+        *leading, height, width = part.shape
+        self._part, self._inner, self._fill = part, inner, fill
+        self._shape = *leading, inner, inner
+        self._across = tile // inner
+        self._grid = -(-height // inner), -(-width // inner)
+        self.count = math.prod(self._grid)
+        self._size = math.prod(self._shape) * part.dtype.itemsize
+        self.chunk_bytes = self._size + CHECKSUM
+        self.end = self.count * self.chunk_bytes
+        self.index_bytes = 16 * self._across**2 + CHECKSUM
+
+    def fill_chunk(self, into: NDArray[np.uint8], number: int) -> None:
+        """The numbers of a chunk, counted row by row, and their checksum."""
+        inner = self._inner
+        row, column = divmod(number, self._grid[1])
+        held = self._part[
             ...,
             row * inner : (row + 1) * inner,
             column * inner : (column + 1) * inner,
         ]
-        start = int(place)
-        chunk = file[start : start + size].view(part.dtype).reshape(*leading, inner, inner)
+        chunk = into[: self._size].view(self._part.dtype).reshape(self._shape)
         if held.shape != chunk.shape:
-            chunk[...] = fill
+            chunk[...] = self._fill
         chunk[..., : held.shape[-2], : held.shape[-1]] = held
-        _check(file, start, start + size)
-    file[end : end + index.nbytes] = index.reshape(-1).view(np.uint8)
-    _check(file, end, end + index.nbytes)
-    return file.data
+        _check(into)
+
+    def fill_index(self, into: NDArray[np.uint8]) -> None:
+        """Place and length of every chunk, and their checksum."""
+        rows, columns = self._grid
+        index = np.full((self._across, self._across, 2), ABSENT, "<u8")
+        places = self.chunk_bytes * np.arange(self.count, dtype="<u8").reshape(rows, columns)
+        index[:rows, :columns, 0] = places
+        index[:rows, :columns, 1] = self.chunk_bytes
+        into[:-CHECKSUM] = index.reshape(-1).view(np.uint8)
+        _check(into)
 
 
 def missing_chunks(path: Path, across: int, rows: slice, columns: slice) -> int:
@@ -87,9 +126,13 @@ def missing_chunks(path: Path, across: int, rows: slice, columns: slice) -> int:
     return int(np.count_nonzero(lost))
 
 
-def _check(file: NDArray[np.uint8], start: int, stop: int) -> None:
-    """Put the checksum of some bytes behind them."""
+def crc32c(data: NDArray[np.uint8]) -> int:
+    """The checksum of some bytes."""
     import google_crc32c
 
-    found = np.array([google_crc32c.value(file[start:stop])], "<u4")
-    file[stop : stop + CHECKSUM] = found.view(np.uint8)
+    return int(google_crc32c.value(data))
+
+
+def _check(file: NDArray[np.uint8]) -> None:
+    """Put the checksum of all bytes but the last four into these."""
+    file[-CHECKSUM:] = np.array([crc32c(file[:-CHECKSUM])], "<u4").view(np.uint8)

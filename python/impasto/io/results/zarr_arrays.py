@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
-from impasto.io.results.shards import missing_chunks, shard_of
+from impasto._internal.windows import Window, within
+from impasto.io.results.shard_reader import ShardLayout
+from impasto.io.results.shards import missing_chunks, shard_of, shard_pieces
 
 TILE = 1024
 """Rows and columns of a tile, if nobody says otherwise: 4 MiB of a map in single precision."""
@@ -160,10 +162,20 @@ class ZarrArray:
         """The file of a tile, or of the only chunk, that holds these numbers."""
         if self.tile is None:
             return self._encoder.written(f"array{self.path().removeprefix(self.folder)}", part)
+        numbers = self._of_tile(part, row, column)
+        return shard_of(numbers, self.tile, self.inner, fill_of(self.dtype))
+
+    def pieces(self, part: NDArray[Any], row: int, column: int) -> Iterator[memoryview]:
+        """The same of a tile, piece by piece, each of which is gone with the next."""
+        assert self.tile is not None
+        numbers = self._of_tile(part, row, column)
+        return shard_pieces(numbers, self.tile, self.inner, fill_of(self.dtype))
+
+    def _of_tile(self, part: NDArray[Any], row: int, column: int) -> NDArray[Any]:
+        """The numbers of a tile as they are stored."""
         window = self.window(row, column)
         assert part.shape[-2:] == tuple(one.stop - one.start for one in window)
-        numbers = np.asarray(part, self.dtype.newbyteorder("<"))
-        return shard_of(numbers, self.tile, self.inner, fill_of(self.dtype))
+        return np.asarray(part, self.dtype.newbyteorder("<"))
 
     def files(self, values: NDArray[Any]) -> Iterator[tuple[str, bytes | memoryview]]:
         """Every file of the array with its bytes."""
@@ -178,6 +190,29 @@ class ZarrArray:
         for row in range(rows.start // self.tile, -(-rows.stop // self.tile)):
             for column in range(columns.start // self.tile, -(-columns.stop // self.tile)):
                 yield row, column
+
+    def filled(self, store: Path, part: Window, out: NDArray[Any], stride: int = 1) -> None:
+        """Fill ``out`` with every so many rows and columns of a window of the map, tile by tile.
+
+        Raises
+        ------
+        CorruptInputError
+            A chunk of the window is missing, or its checksum does not agree.
+        """
+        for tile in self.tiles(*part):
+            place = self.window(*tile)
+            self._layout.read(store / self.path(*tile), within(part, place), out, stride)
+
+    def checksums(self, store: Path, row: int, column: int, *, compare: bool) -> str:
+        """One checksum of those of all chunks of a tile; see :class:`ShardLayout`."""
+        there = self.window(row, column)
+        file = store / self.path(row, column)
+        return self._layout.checksums(file, within(there, there), compare=compare)
+
+    @property
+    def _layout(self) -> ShardLayout:
+        assert self.tile is not None
+        return ShardLayout(self.shape[:-2], self.dtype, self.tile, self.inner)
 
     def missing_chunks(
         self, path: Path, row: int, column: int, within: tuple[slice, slice] | None = None

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.damage import DAMAGE
+from impasto._internal.recycling import empty
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder, recover
@@ -293,13 +294,20 @@ def read_array(path: Path, array: ZarrArray) -> NDArray[Any]:
         It names the file or the array.
     """
     check_files(path, array)
+    if is_usual(path, array):
+        height, width = array.shape[-2:]
+        return from_store(array.name, _filled(path, array, slice(0, height), slice(0, width)))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[...], dtype=array.dtype)
     return from_store(array.name, found)
 
 
-def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> NDArray[Any]:
+def read_window(
+    path: Path, array: ZarrArray, rows: slice, columns: slice, stride: int = 1
+) -> NDArray[Any]:
     """A window ``(..., rows, columns)`` of a map; no other chunks are read.
+
+    ``stride``: every so many of its rows and columns, from the first on.
 
     Raises
     ------
@@ -309,9 +317,36 @@ def read_window(path: Path, array: ZarrArray, rows: slice, columns: slice) -> ND
     """
     _check_metadata(path, array)
     check_window(path, array, rows, columns)
+    if is_usual(path, array):
+        return from_store(array.name, _filled(path, array, rows, columns, stride))
     with _damage_of(path / array.folder):
         found = np.asarray(_opened(path, array)[..., rows, columns], dtype=array.dtype)
-    return from_store(array.name, found)
+    return from_store(array.name, found[..., ::stride, ::stride])
+
+
+def _filled(
+    path: Path, array: ZarrArray, rows: slice, columns: slice, stride: int = 1
+) -> NDArray[Any]:
+    """A window of a map, whose files are as this version writes them."""
+    size = (-(-(side.stop - side.start) // stride) for side in (rows, columns))
+    found = empty((*array.shape[:-2], *size), array.dtype)
+    array.filled(path, (rows, columns), found, stride)
+    return found
+
+
+def is_usual(path: Path, array: ZarrArray) -> bool:
+    """Whether a map is described as this version describes it; zarr reads what else there is."""
+    if array.tile is None or 0 in array.shape:
+        return False
+    try:
+        found = json.loads((path / array.metadata_path).read_bytes())
+        own = json.loads(array.metadata)
+        for one in (found, own):
+            one.pop("dimension_names", None)
+            one.pop("attributes", None)
+    except (*DAMAGE, OSError):
+        return False
+    return bool(found == own)
 
 
 def _opened(path: Path, array: ZarrArray) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.recycling import empty
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
 from impasto.io.images import ImageHeader, open_picture
@@ -64,6 +66,12 @@ def read_codes(
                 if index == 0:
                     # The first observation determines the number of bands.
                     widths.append(bands)
+                    if len(files) == 1:
+                        size = (header.height, header.width) if area is None else area[2:]
+                        each = np.dtype(picture.dtype), (bands, *size)
+                        out = _allocate(*each, len(observations.files), path)
+                        wait_for(read_region_into, picture, area, out[0])
+                        continue
                     planes = wait_for(read_region, picture, area)
                     out = planes if out is None else np.concatenate([out, planes])
                 else:
@@ -74,16 +82,18 @@ def read_codes(
                     assert out is not None
                     wait_for(read_region_into, picture, area, out[index, band : band + bands])
             band += bands
-        if index == 0:
+        if index == 0 and len(files) > 1:
             assert out is not None
-            out = _allocate(out, len(observations.files), files[0])
+            first = out
+            out = _allocate(first.dtype, first.shape, len(observations.files), files[0])
+            wait_for(np.copyto, out[0], first)
     assert out is not None
     _compare_orientations(headers, notebook)
     return out, _with_common_curve(headers, notebook), area
 
 
-def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
-    needed = first.nbytes * count
+def _allocate(dtype: np.dtype[Any], shape: tuple[int, ...], count: int, path: Path) -> NDArray[Any]:
+    needed = count * math.prod(shape) * dtype.itemsize
     try:
         memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):  # not available on every system
@@ -93,9 +103,7 @@ def _allocate(first: NDArray[Any], count: int, path: Path) -> NDArray[Any]:
             f"{path.parent}: {count} photographs need {needed / 1e9:.1f} GB, this machine has "
             f"{memory / 1e9:.1f} GB; read a part with region=(top, left, height, width)"
         )
-    out = np.empty((count, *first.shape), first.dtype)
-    wait_for(np.copyto, out[0], first)
-    return out
+    return empty((count, *shape), dtype)
 
 
 def _size(header: ImageHeader) -> str:

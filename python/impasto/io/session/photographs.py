@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.recycling import empty
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
@@ -156,7 +157,7 @@ def read_photographs(
             assert calibration.dark is not None
             black = full * calibration.dark[:, 0, 0].astype(np.float64)
     elif calibration.changes or curve.curve != "linear":
-        samples = np.empty(codes.shape, np.float32)
+        samples = empty(codes.shape, np.float32)
 
         def develop(index: int) -> None:
             samples[index] = calibration.apply(codes[index], index)

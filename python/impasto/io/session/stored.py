@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from impasto._internal.windows import Window, offset
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import STACK
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
-from impasto.io.results.zarr_store import contents, read_array, read_window
+from impasto.io.results.zarr_store import contents, is_usual, read_array, read_window
 from impasto.io.session.archive import arrays_beside_samples, refuse_options, stack_of_arrays
 from impasto.io.session.frames import check_region
 from impasto.io.sources import Source
@@ -87,14 +88,50 @@ class StoredStack:
         about = [METADATA, *(array.metadata_path for array in self._arrays.values())]
         return [self._path / name for name in sorted([*inner, *about])]
 
+    def tile_entry(self, file: Path, *, compare: bool = False) -> dict[str, Any] | None:
+        """Name, size and checksum of the file of a tile, for those who must know it again.
+
+        The checksum is one of the CRC-32C of its chunks (``crc32c``): they stand in the file, and
+        whoever reads a chunk compares them, so that the numbers need not be read for it. None of
+        other files of the store.
+
+        Parameters
+        ----------
+        compare
+            Whether the numbers of a tile are read all the same, and compared.
+
+        Raises
+        ------
+        CorruptInputError
+            A tile is not as it was written.
+        """
+        if file not in self._tiles:
+            return None
+        array, tile = self._tiles[file]
+        found = array.checksums(self._path, *tile, compare=compare)
+        return {"file": file.as_posix(), "bytes": file.stat().st_size, "crc32c": found}
+
+    @cached_property
+    def _tiles(self) -> dict[Path, tuple[ZarrArray, tuple[int, int]]]:
+        """The files of maps that are laid out as this version does it."""
+        return {
+            self._path / name: (array, tile)
+            for array in self._arrays.values()
+            if is_usual(self._path, array)
+            for name, tile in array.paths()
+        }
+
     def mask(self, rows: slice, columns: slice) -> NDArray[np.bool_] | None:
         """A window of the mask; None where there is none."""
         if "mask" not in self._arrays:
             return None
         return np.asarray(read_window(self._path, self._arrays["mask"], rows, columns), np.bool_)
 
-    def read(self, window: Window | None) -> dict[str, NDArray[Any]]:
-        """Every array; of the samples and the mask a window alone, all of it if there is none."""
+    def read(self, window: Window | None, stride: int = 1) -> dict[str, NDArray[Any]]:
+        """Every array; of the samples and the mask a window alone, all of it if there is none.
+
+        ``stride``: every so many rows and columns of these.
+        """
         found = dict(self._text)
         height, width = self.size
         rows, columns = window or (slice(0, height), slice(0, width))
@@ -102,7 +139,7 @@ class StoredStack:
             if array.tile is None:
                 found[name] = read_array(self._path, array)
             else:
-                found[name] = read_window(self._path, array, rows, columns)
+                found[name] = read_window(self._path, array, rows, columns, stride)
         return found
 
 
@@ -163,6 +200,13 @@ def read_stored(path: Path, given: Mapping[str, Any], region: Sequence[int] | No
     window = slice(top, top + height), slice(left, left + width)
     part = offset(window, stored.size)
     return stack_of_arrays(stored.read(window), path, part, stored.files())
+
+
+def thinned_stored(path: Path, window: Window, stride: int) -> Stack:
+    """Every so many rows and columns of a window of a store; it lies where the window does."""
+    stored = StoredStack(path)
+    part = offset(window, stored.size)
+    return stack_of_arrays(stored.read(window, stride), path, part, stored.files())
 
 
 def arrays_of_store(stack: Stack) -> dict[str, NDArray[Any]]:
