@@ -46,9 +46,9 @@ pub(super) struct NormalLanes<R: Real, L> {
     pub(super) lights: L,
     pub(super) views: Views<R>,
     /// Of all lights, where that is the same for every pixel; without `b` and `total`.
-    uniform: Option<Solution<R>>,
+    pub(super) uniform: Option<Solution<R>>,
     /// Rows of the pseudoinverse of all lights.
-    pseudoinverse: Vec<Vec3<f32>>,
+    pub(super) pseudoinverse: Vec<Vec3<f32>>,
     /// Which samples a rule kept.
     pub(super) kept: Vec<R::Mask>,
     /// Number of valid samples, and of clipped ones.
@@ -56,7 +56,7 @@ pub(super) struct NormalLanes<R: Real, L> {
     pub(super) saturated: R,
     /// Of as many samples as the last pixels kept.
     pub(super) share: ErrorScale<R>,
-    /// Every band's albedo.
+    /// Every band's albedo; empty where nobody asked for it.
     pub(super) albedo: Vec<R>,
 }
 
@@ -87,7 +87,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             valid: zero,
             saturated: zero,
             share: ErrorScale::of(zero, problem.loss),
-            albedo: vec![zero; shape.bands],
+            albedo: vec![zero; if problem.albedo { shape.bands } else { 0 }],
         };
         if let Some(uniform) = &problem.uniform {
             pixels.pseudoinverse = uniform.pseudoinverse.iter().map(|row| row.splat()).collect();
@@ -283,10 +283,14 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         share: Option<R>,
     ) {
         let (zero, one) = (R::zero(), R::one());
-        if let ([albedo], None) = (&mut self.albedo[..], share) {
+        match (&mut self.albedo[..], share) {
+            ([], _) => return,
             // The same number: the normal is the direction of the least-squares solution.
-            *albedo = length;
-            return;
+            ([albedo], None) => {
+                *albedo = length;
+                return;
+            }
+            _ => {}
         }
         let by_rule = self.loss == LossFunction::Squares || self.steps == 0;
         let whole = ALL && self.rule == RejectionRule::All && self.loss == LossFunction::Squares;
