@@ -191,6 +191,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> PlainBlock<'_, '_, R, L> {
 }
 
 /// Sums of the samples of some of `count` bands, times the cosines.
+#[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
 #[inline(always)]
 fn weighted_sums<R: Real<Scalar = f32>, const N: usize>(
     cosines: &[R],

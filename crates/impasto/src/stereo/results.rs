@@ -55,8 +55,8 @@ impl<R: Real<Scalar = f32>> NormalResults<R> {
             store_counts(self.used, used, at);
         }
         let all = R::of(pixels.kept.len() as f64);
-        let asked = !tile.rejected.is_empty();
-        let rejected = if asked && any(all - self.used) { Rejection::COUNT } else { 0 };
+        let counted = !tile.rejected.is_empty();
+        let rejected = if counted && any(all - self.used) { Rejection::COUNT } else { 0 };
         let invalid = all - pixels.valid - pixels.saturated;
         for (reason, count) in [
             (Rejection::Saturated, pixels.saturated),
