@@ -19,11 +19,8 @@ use super::results::SHORTEST;
 use super::rows::{PlaneRows, store};
 use super::samples::{BLOCK, RegisterSamples, StereoScratch};
 use super::solve::{ENOUGH, Solution, well_determined};
-use super::sums::{Multiply, residual};
+use super::sums::{Multiply, TOGETHER, WeightedSamples, residual};
 use super::tile::NormalTile;
-
-/// Bands whose albedos are summed together: twice as many sums hide the latency of the multiply-add.
-const BANDS: usize = 3;
 
 /// Largest sample of which no result can leave the range of single precision where the lights are well determined:
 /// its square times the number of samples, times the worst variance (2700 over that number), is 3e33; its root over
@@ -169,42 +166,21 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> PlainBlock<'_, '_, R, L> {
             squares = cosine.mul_add(*cosine, squares);
         }
         let per_square = squares.recip();
-        let (cosines, count) = (&self.plain.cosines[..], self.tile.albedo.len());
-        for (group, maps) in self.tile.albedo.chunks_mut(BANDS).enumerate() {
-            let first = group * BANDS;
-            match maps {
-                [a, b, c] => {
-                    let sums = weighted_sums::<R, 3>(cosines, bands, first, count);
-                    store(sums[0] * per_square, a, place);
-                    store(sums[1] * per_square, b, place);
-                    store(sums[2] * per_square, c, place);
+        let count = self.tile.albedo.len();
+        let samples = WeightedSamples { weights: &self.plain.cosines, kept: None, bands, count };
+        let mut first = 0;
+        while first < count {
+            if count - first >= TOGETHER {
+                let sums = samples.sums::<TOGETHER>(first);
+                for (band, &sum) in sums.iter().enumerate() {
+                    store(sum * per_square, self.tile.albedo[first + band], place);
                 }
-                _ => {
-                    for (band, map) in maps.iter_mut().enumerate() {
-                        let [sum] = weighted_sums::<R, 1>(cosines, bands, first + band, count);
-                        store(sum * per_square, map, place);
-                    }
-                }
+                first += TOGETHER;
+            } else {
+                let [sum] = samples.sums::<1>(first);
+                store(sum * per_square, self.tile.albedo[first], place);
+                first += 1;
             }
         }
     }
-}
-
-/// Sums of the samples of some of `count` bands, times the cosines.
-#[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
-#[inline(always)]
-fn weighted_sums<R: Real<Scalar = f32>, const N: usize>(
-    cosines: &[R],
-    bands: PlaneRows<'_>,
-    first: usize,
-    count: usize,
-) -> [R; N] {
-    let mut sums = [R::zero(); N];
-    for (k, cosine) in cosines.iter().enumerate() {
-        for band in 0..N {
-            let sample: R = bands.at(k * count + first + band);
-            sums[band] = cosine.mul_add(sample, sums[band]);
-        }
-    }
-    sums
 }
