@@ -238,12 +238,12 @@ def fit_normals(
     maps
         Names of the maps that are needed, such as ``("normal",)``, of ``"normal"``, ``"albedo"``,
         ``"used"``, ``"rejected"``, ``"residual"``, ``"condition"`` and ``"sigma"``; default: all.
-        Least squares from many photographs mostly waits for memory: normals alone take about half
-        the time. Not for a :class:`LazyStack`, which computes the maps that are used.
+        Least squares mostly waits for memory: normals alone take about half to two thirds of its
+        time. Not for a :class:`LazyStack`, which computes the maps that are used.
     out
-        The result of an earlier fit to a stack of this size, whose maps are written to once more:
-        the system hands out new memory at about the speed of least squares. It then holds the
-        new maps, and no longer those of the earlier fit. Without ``maps``: those that ``out`` has.
+        The result of an earlier fit to a stack of this size, whose maps are written again: of new
+        memory the system first fills every page with zeros. It then holds the new maps, and no
+        longer those of the earlier fit. Without ``maps``: the maps are those that ``out`` has.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)``.
 
