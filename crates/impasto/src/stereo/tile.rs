@@ -107,10 +107,9 @@ impl NormalTile<'_> {
         for plane in self.normal.iter_mut().chain(&mut self.albedo) {
             plane[pixel] = f32::NAN;
         }
-        for plane in [&mut self.residual, &mut self.condition, &mut self.sigma] {
-            if let Some(plane) = plane {
-                plane[pixel] = f32::NAN;
-            }
+        let errors = [&mut self.residual, &mut self.condition, &mut self.sigma];
+        for plane in errors.into_iter().flatten() {
+            plane[pixel] = f32::NAN;
         }
         for plane in &mut self.rejected {
             plane[pixel] = 0;
