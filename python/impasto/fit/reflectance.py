@@ -392,7 +392,7 @@ def _built(
         "integration": integration,
         "bands": list(camera.bands),
     }
-    digest = blake2b(known, digest_size=32).digest()
+    digest = blake2b(known.tobytes(), digest_size=32).digest()
     key = (json.dumps(info), terms, operator.shape, operator.tobytes(), grid.tobytes(), digest)
     return RECENT.get(key, lambda: _newly_built(operator, known, grid, terms, info))
 
