@@ -262,14 +262,14 @@ def fit_normals(
         An option that is not valid; the message names it.
     """
     if isinstance(stack, Deferred):
-        for name, value in (("maps", maps), ("out", out)):
-            if value is not None:
+        given = dict(locals())
+        del given["stack"]
+        for name in ("maps", "out"):
+            if given.pop(name) is not None:
                 raise ArgumentError(
                     f"{name}: a lazy stack computes the maps of the dataset that are used, when "
                     f"they are; leave {name} out"
                 )
-        left_out = ("stack", "maps", "out", "name", "value")
-        given = {name: value for name, value in locals().items() if name not in left_out}
         return stack.fitted_normals(**given)
     one_of(method, METHODS, "method")
     steps = None if steps is None else _steps(steps)
