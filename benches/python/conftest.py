@@ -19,10 +19,11 @@ from typing import Any
 
 import pytest
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[variable] = "1"
-if "numpy" in sys.modules:
-    raise pytest.UsageError("numpy is loaded already: run benches/python by itself")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# A plugin of pytest may have loaded numpy before this file could say anything.
+if "numpy" in sys.modules and any(os.environ.get(variable) != "1" for variable in THREADS):
+    raise pytest.UsageError(f"numpy is loaded already: set {', '.join(THREADS)} to 1 beforehand")
+os.environ.update(dict.fromkeys(THREADS, "1"))
 
 # numpy reads the variables when it loads.
 from record import run_info, show, write  # noqa: E402

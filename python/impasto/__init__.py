@@ -42,6 +42,7 @@ from impasto.fit.lazy import LazyStack
 from impasto.fit.learning import LearnedModel, learn_sbrdf, load_learned
 from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import LearnedNormals, Normals, fit_normals, learn_normals
+from impasto.fit.partial_normals import PartialNormals
 from impasto.fit.pixel import Pixel
 from impasto.fit.pooled import PooledSbrdf
 from impasto.fit.reflectance import Reflectance, fit_reflectance, white_corrected
@@ -100,6 +101,7 @@ __all__ = [
     "Merged",
     "MissingExtraError",
     "Normals",
+    "PartialNormals",
     "Pixel",
     "Plan",
     "PlannedEffect",

@@ -15,6 +15,7 @@ from impasto.fit.highlight import HighlightFit
 from impasto.fit.learned import LearnedLobe, PooledMaps
 from impasto.fit.lobes import LearnedLobes, LobeMaps, LobeOptions
 from impasto.fit.normals import Normals
+from impasto.fit.partial_normals import PartialNormals
 from impasto.fit.reflectance import Reflectance
 from impasto.fit.start import StartArguments
 from impasto.lighting import SceneArguments
@@ -40,9 +41,10 @@ def predict(
     surface: Surface,
     rig: RigArguments,
     intensities: NDArray[np.float64],
+    out: NDArray[np.float32],
     threads: int,
     progress: ProgressCallback | None,
-) -> NDArray[np.float32]: ...
+) -> None: ...
 def rig_equations(
     surface: Surface,
     profile: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
@@ -181,7 +183,7 @@ def fit_highlight(
 
 def fit_normals(
     stack: StackArguments,
-    maps: Normals,
+    maps: Normals | PartialNormals,
     method: str,
     low: float,
     high: float,

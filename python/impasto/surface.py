@@ -299,9 +299,12 @@ class Surface(Viewable, Relightable):
         pitch = lights.pitch_mm if given and lights.pitch_mm is not None else self.pitch_mm
         rig = Rig(lights, views=views, pitch_mm=pitch, origin=self.origin)
         with reporting(progress, "predict") as callback:
-            return _core.predict(
-                self, RigArguments.of(rig), rig.intensities, thread_count(threads), callback
+            # numpy asks for large pages: touching small new ones takes longer than to predict.
+            shown = np.empty((len(rig), *self.diffuse.shape), np.float32)
+            _core.predict(
+                self, RigArguments.of(rig), rig.intensities, shown, thread_count(threads), callback
             )
+            return shown
 
     def with_diffuse(
         self,

@@ -1,6 +1,8 @@
 //! Samples that a surface shows, and the adjustment of a rig to surfaces.
 
-use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4, PyReadwriteArray4,
+};
 use pyo3::prelude::*;
 
 use impasto::Error;
@@ -10,7 +12,7 @@ use crate::arrays::RigArguments;
 use crate::surface::SurfaceArguments;
 use crate::{errors, run};
 
-/// Samples `(obs, band, y, x)` that a surface shows.
+/// Fills `out (obs, band, y, x)` with the samples that a surface shows.
 #[pyfunction]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn predict<'py>(
@@ -18,23 +20,18 @@ pub(crate) fn predict<'py>(
     surface: SurfaceArguments<'py>,
     rig: RigArguments<'py>,
     intensities: PyReadonlyArray1<'py, f64>,
+    mut out: PyReadwriteArray4<'py, f32>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyArray4<f32>>> {
+) -> PyResult<()> {
     let refuse = |error: Error| errors::to_python(py, &error);
-    let [bands, height, width] = surface.shape();
+    let [_, height, width] = surface.shape();
     let rig = rig.rig(height, width).map_err(refuse)?;
-    impasto::pixels::check_room::<f32>(rig.observations() * bands * height * width)
-        .map_err(refuse)?;
-    let samples = PyArray4::zeros(py, [rig.observations(), bands, height, width], false);
-    let mut out = samples.readwrite();
     let (intensities, shown) = (intensities.as_slice()?, out.as_slice_mut()?);
     let surface = surface.surface().map_err(refuse)?;
     run::call(py, threads, progress.as_ref(), |run| {
         impasto::surface::predict(&surface, &rig, intensities, shown, run)
-    })?;
-    drop(out);
-    Ok(samples)
+    })
 }
 
 /// A profile of lobes: angles between normal and half vector, radians, and a factor for each.

@@ -1,6 +1,7 @@
 //! Photometric stereo.
 
-use numpy::{PyReadwriteArray2, PyReadwriteArray3};
+use numpy::ndarray::Dimension;
+use numpy::{Element, PyReadwriteArray, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use impasto::Error;
@@ -9,17 +10,27 @@ use impasto::stereo::{Learned, Method, NormalMaps, StereoOptions};
 use crate::arrays::StackArguments;
 use crate::{errors, run};
 
-/// The maps of an `impasto.Normals`, to be filled; `rejected` and `status` hold zeros.
+/// The maps of an `impasto.Normals` or `impasto.PartialNormals`, to be filled; `rejected` and `status` hold zeros.
 #[derive(FromPyObject)]
 pub(crate) struct NormalArrays<'py> {
-    normal: PyReadwriteArray3<'py, f32>,
-    albedo: PyReadwriteArray3<'py, f32>,
-    used: PyReadwriteArray2<'py, u16>,
-    rejected: PyReadwriteArray3<'py, u16>,
-    residual: PyReadwriteArray2<'py, f32>,
-    condition: PyReadwriteArray2<'py, f32>,
-    sigma: PyReadwriteArray2<'py, f32>,
+    normal: Option<PyReadwriteArray3<'py, f32>>,
+    albedo: Option<PyReadwriteArray3<'py, f32>>,
+    used: Option<PyReadwriteArray2<'py, u16>>,
+    rejected: Option<PyReadwriteArray3<'py, u16>>,
+    residual: Option<PyReadwriteArray2<'py, f32>>,
+    condition: Option<PyReadwriteArray2<'py, f32>>,
+    sigma: Option<PyReadwriteArray2<'py, f32>>,
     status: PyReadwriteArray2<'py, u8>,
+}
+
+/// The memory of a map, none if nobody asked for it.
+fn memory<'a, T: Element, D: Dimension>(
+    map: &'a mut Option<PyReadwriteArray<'_, T, D>>,
+) -> PyResult<&'a mut [T]> {
+    match map {
+        Some(map) => Ok(map.as_slice_mut()?),
+        None => Ok(&mut []),
+    }
 }
 
 /// Normals and albedo of every pixel; `learned` is what [`learn_normals`] returned.
@@ -69,13 +80,13 @@ pub(crate) fn fit_normals<'py>(
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
     let mut maps = NormalMaps {
-        normal: maps.normal.as_slice_mut()?,
-        albedo: maps.albedo.as_slice_mut()?,
-        used: maps.used.as_slice_mut()?,
-        rejected: maps.rejected.as_slice_mut()?,
-        residual: maps.residual.as_slice_mut()?,
-        condition: maps.condition.as_slice_mut()?,
-        sigma: maps.sigma.as_slice_mut()?,
+        normal: memory(&mut maps.normal)?,
+        albedo: memory(&mut maps.albedo)?,
+        used: memory(&mut maps.used)?,
+        rejected: memory(&mut maps.rejected)?,
+        residual: memory(&mut maps.residual)?,
+        condition: memory(&mut maps.condition)?,
+        sigma: memory(&mut maps.sigma)?,
         status: maps.status.as_slice_mut()?,
     };
     run::call(py, threads, progress.as_ref(), |run| {

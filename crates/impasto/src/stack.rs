@@ -206,6 +206,28 @@ impl<'a> Stack<'a> {
         self.mask.is_none_or(|mask| mask[pixel])
     }
 
+    /// A number that no finite sample exceeds in size, where the type of what is stored tells.
+    #[must_use]
+    pub fn largest(&self) -> Option<f32> {
+        let code = match self.samples {
+            Samples::U8(_) => f32::from(u8::MAX),
+            Samples::U16(_) => f32::from(u16::MAX),
+            Samples::F16(_) => f32::from(f16::MAX),
+            Samples::F32(_) => return None,
+        };
+        if self.interreflections.is_some() {
+            return None;
+        }
+        let size = |decode: &Decode| code.mul_add(decode.gain.abs(), decode.offset.abs());
+        // NaN is larger than any.
+        Some(
+            self.decode
+                .iter()
+                .map(size)
+                .fold(0.0, |most, size| if size <= most { most } else { size }),
+        )
+    }
+
     /// Linear light from which samples of one photograph and band are clipped, `+inf` where none is.
     #[must_use]
     pub fn ceiling(&self, observation: usize, band: usize) -> f32 {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,13 @@ from impasto._internal.checks import instance, is_whole, one_of
 from impasto.effort import EffortLike, resolved
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.deferred import Deferred
+from impasto.fit.partial_normals import (
+    NormalMap,
+    PartialNormals,
+    chosen_maps,
+    cleared,
+    partial_normals,
+)
 from impasto.fit.pixel_maps import PixelMaps
 from impasto.fit.saved import over
 from impasto.fit.subsample import subsampled_to
@@ -148,6 +156,15 @@ class StereoOptions(TypedDict, total=False):
     progress: bool | ProgressCallback
 
 
+Out = TypeVar("Out", Normals, PartialNormals)
+
+
+@overload
+def fit_normals(stack: Stack, *, out: Out, **options: Unpack[StereoOptions]) -> Out: ...
+@overload
+def fit_normals(
+    stack: Stack, *, maps: Iterable[NormalMap], **options: Unpack[StereoOptions]
+) -> PartialNormals: ...
 @overload
 def fit_normals(stack: Stack, **options: Unpack[StereoOptions]) -> Normals: ...
 @overload
@@ -164,9 +181,11 @@ def fit_normals(
     selection: int | str | None = None,
     learned: LearnedNormals | None = None,
     effort: EffortLike = "standard",
+    maps: Iterable[NormalMap] | None = None,
+    out: Normals | PartialNormals | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
-) -> Normals | Dataset:
+) -> Normals | PartialNormals | Dataset:
     """Fit the normal and the albedo of every pixel by photometric stereo.
 
     A matte surface reflects ``I_i = albedo (N . l_i)`` under light i (RGB-camera paper, eq. 2). The
@@ -216,13 +235,23 @@ def fit_normals(
         learned from this stack.
     effort
         ``"draft"``, ``"standard"``, ``"reference"`` or an :class:`Effort`.
+    maps
+        Names of the maps that are needed, such as ``("normal",)``, of ``"normal"``, ``"albedo"``,
+        ``"used"``, ``"rejected"``, ``"residual"``, ``"condition"`` and ``"sigma"``; default: all.
+        Least squares mostly waits for memory: normals alone take about half to two thirds of its
+        time. Not for a :class:`LazyStack`, which computes the maps that are used.
+    out
+        The result of an earlier fit to a stack of this size, whose maps are written again: of new
+        memory the system first fills every page with zeros. It then holds the new maps, and no
+        longer those of the earlier fit. Without ``maps``: the maps are those that ``out`` has.
     threads, progress
         None means every allowed core; a bool or a callable ``(done, total)``.
 
     Returns
     -------
     Normals
-        Maps of the photographs' height and width.
+        Maps of the photographs' height and width. With ``maps`` a :class:`PartialNormals`; with
+        ``out`` one of the same kind in the same memory.
 
     Raises
     ------
@@ -233,7 +262,14 @@ def fit_normals(
         An option that is not valid; the message names it.
     """
     if isinstance(stack, Deferred):
-        given = {name: value for name, value in locals().items() if name != "stack"}
+        given = dict(locals())
+        del given["stack"]
+        for name in ("maps", "out"):
+            if given.pop(name) is not None:
+                raise ArgumentError(
+                    f"{name}: a lazy stack computes the maps of the dataset that are used, when "
+                    f"they are; leave {name} out"
+                )
         return stack.fitted_normals(**given)
     one_of(method, METHODS, "method")
     steps = None if steps is None else _steps(steps)
@@ -247,7 +283,7 @@ def fit_normals(
     band = _band(stack, selection)
     if method == "robust" and learned is None and steps is not None:
         learned = _learned(stack, steps, band, threads)
-    normals = _empty(stack, method)
+    normals = _memory(stack, method, maps, out)
     with reporting(progress, "normals") as callback:
         _core.fit_normals(
             arguments,
@@ -306,6 +342,27 @@ def _steps(steps: int) -> int:
     if not (is_whole(steps) and 0 <= steps <= MOST_STEPS):
         raise ArgumentError(f"steps: expected a number from 0 to {MOST_STEPS}, found {steps!r}")
     return int(steps)
+
+
+def _memory(
+    stack: Stack,
+    method: str,
+    maps: Iterable[NormalMap] | None,
+    out: Normals | PartialNormals | None,
+) -> Normals | PartialNormals:
+    """The maps to be filled: new ones, or those of ``out``."""
+    if out is None:
+        if maps is None:
+            return _empty(stack, method)
+        return partial_normals(stack.shape, method, chosen_maps(maps))
+    if maps is not None:
+        raise ArgumentError("maps: out has the maps that are made; give one of the two")
+    if not isinstance(out, Normals | PartialNormals):
+        raise ArgumentError(
+            f"out: expected the result of an earlier fit_normals, found {type(out).__name__}"
+        )
+    cleared(out, stack.shape)
+    return replace(out, method=method)
 
 
 def _empty(stack: Stack, method: str) -> Normals:

@@ -65,6 +65,6 @@ def _changed(result: Any, change_map: ChangeMap, change_rig: Callable[[Rig], Rig
             changes[one.name] = change_rig(value)
         elif is_dataclass(value):
             changes[one.name] = _changed(value, change_map, change_rig)
-        elif tuple(dims[-2:]) == ("y", "x"):
+        elif value is not None and tuple(dims[-2:]) == ("y", "x"):
             changes[one.name] = change_map(value, dims)
     return replace(result, **changes)

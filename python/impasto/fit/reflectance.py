@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from hashlib import blake2b
 from typing import Any, Literal, Protocol, TypeAlias, get_args, runtime_checkable
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import instance, is_whole, one_of
+from impasto._internal.recent import Recent
 from impasto._internal.waiting import floats, wait_for
 from impasto._internal.windows import place
 from impasto.bands import Camera, Integration, checked_camera
@@ -361,12 +364,13 @@ class _Built:
         found = Reflectance(
             # numpy asks for large pages: touching small new ones takes longer than the estimate.
             coefficients=np.empty((len(self.basis), *responses.shape[1:]), np.float32),
-            basis=self.basis,
-            wavelengths=np.array(self.wavelengths),
+            # Copies: what is built is shared by calls, and a result belongs to its caller.
+            basis=self.basis.copy(),
+            wavelengths=self.wavelengths.copy(),
             status=np.empty(responses.shape[1:], np.uint8),
-            info=dict(self.info),
-            interface=self.interface,
-            spread=self.spread,
+            info=deepcopy(self.info),
+            interface=None if self.interface is None else self.interface.copy(),
+            spread=None if self.spread is None else self.spread.copy(),
         )
         self.core.apply(responses, status, found, thread_count(threads), callback)
         return found
@@ -378,14 +382,7 @@ def _built(
 ) -> _Built:  # fmt: skip
     operator = np.ascontiguousarray(camera.operator(grid, integration=integration))
     known = np.ascontiguousarray(spectra.at(grid))
-    built = _core.spectral_estimator(
-        estimator,
-        operator,
-        known,
-        float(noise),
-        None if rank is None else int(rank),
-        SEED,
-    )
+    terms = None if rank is None else int(rank)
     info = {
         "estimator": estimator,
         "training": spectra.name,
@@ -395,6 +392,15 @@ def _built(
         "integration": integration,
         "bands": list(camera.bands),
     }
+    digest = blake2b(known.tobytes(), digest_size=32).digest()
+    key = (json.dumps(info), terms, operator.shape, operator.tobytes(), grid.tobytes(), digest)
+    return RECENT.get(key, lambda: _newly_built(operator, known, grid, terms, info))
+
+
+def _newly_built(
+    operator: Floats, known: Floats, grid: Floats, rank: int | None, info: dict[str, Any]
+) -> _Built:
+    built = _core.spectral_estimator(info["estimator"], operator, known, info["noise"], rank, SEED)
     basis = np.ascontiguousarray(built.basis.T)
     found = _Built(
         core=built,
@@ -404,6 +410,11 @@ def _built(
         interface=interface_operator(operator, basis),
     )
     return replace(found, spread=_spread(found, known, known @ operator.T))
+
+
+RECENT: Recent[_Built] = Recent(8)
+"""To build a linear estimator takes as long as to apply it to a megapixel, and a painting that is
+estimated part by part asks for the same one every time."""
 
 
 def _spread(built: _Built, known: Floats, responses: Floats) -> Floats:

@@ -263,7 +263,8 @@ def start_normals(
     if normals is None or isinstance(normals, str):
         options: dict[str, Any] = {} if normals is None else {"method": normals}
         options |= {"learned": learned, "effort": effort, "threads": threads}
-        return fit_normals(stack, **options, progress=progress)
+        fitted: Normals = fit_normals(stack, **options, progress=progress)
+        return fitted
     checked_normals(normals, stack)
     return normals if stack.mask is None else wait_for(normals.within, stack.mask)
 

@@ -6,6 +6,7 @@ use super::estimator::Estimator;
 use super::operator::{Operator, PANEL, Panel};
 use crate::error::{Error, Result};
 use crate::maps::Status;
+use crate::math::lanes::prefetch;
 use crate::math::{Isa, Kernel, Mask, Real};
 use crate::pixels::{Run, TILE};
 
@@ -89,6 +90,7 @@ struct TileKernel<'a, 'b> {
 impl Kernel for TileKernel<'_, '_> {
     type Output = ();
 
+    #[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
     #[inline(always)]
     fn run<I: Isa>(self) {
         let Self { estimator, responses, pixels, status, mut tile, operators } = self;
@@ -101,26 +103,30 @@ impl Kernel for TileKernel<'_, '_> {
             let range = first..count.min(first + PANEL * width);
             let here = tile.start + range.start..tile.start + range.end;
             let mut sound = [yes; PANEL];
-            let planes = responses.chunks_exact(pixels);
-            for (plane, rho) in planes.zip(panel.rho.chunks_exact_mut(PANEL)) {
+            let next = here.end.min(pixels)..(here.end + PANEL * width).min(pixels);
+            for band in 0..bands {
+                let plane = &responses[band * pixels..][..pixels];
+                let rho = &mut panel.rho[band * PANEL..][..PANEL];
+                prefetch(&plane[next.clone()]);
                 load(&plane[here.clone()], rho);
-                for (sound, rho) in sound.iter_mut().zip(rho) {
-                    *sound = *sound & rho.is_finite();
+                for register in 0..PANEL {
+                    sound[register] = sound[register] & rho[register].is_finite();
                 }
             }
             operator.estimate(&mut panel);
             let mut size = [I::F32::zero(); PANEL];
-            for (plane, values) in tile.planes.iter_mut().zip(panel.values.chunks_exact(PANEL)) {
-                store(values, &mut plane[range.clone()]);
-                for (size, value) in size.iter_mut().zip(values) {
-                    *size = *size + value.abs();
+            for index in 0..tile.planes.len() {
+                let values = &panel.values[index * PANEL..][..PANEL];
+                store(values, &mut tile.planes[index][range.clone()]);
+                for register in 0..PANEL {
+                    size[register] = size[register] + values[register].abs();
                 }
             }
             let mut all = yes;
-            for (sound, size) in sound.iter_mut().zip(size).take(range.len().div_ceil(width)) {
+            for register in 0..range.len().div_ceil(width) {
                 // Responses near the end of the range overflow on the way: that is no estimate.
-                *sound = *sound & size.is_finite();
-                all = all & *sound;
+                sound[register] = sound[register] & size[register].is_finite();
+                all = all & sound[register];
             }
             let before = status.map(|status| &status[here]);
             match before {
@@ -184,29 +190,30 @@ fn exception(
 }
 
 /// As many registers as the values fill; what is left of the last is zero.
+#[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
 #[inline(always)]
 fn load<R: Real<Scalar = f32>>(values: &[f32], out: &mut [R]) {
-    let parts = values.chunks_exact(R::WIDTH);
-    let rest = parts.remainder();
+    let whole = values.len() / R::WIDTH;
+    for register in 0..whole {
+        out[register] = R::load(&values[register * R::WIDTH..]);
+    }
+    let rest = &values[whole * R::WIDTH..];
     if !rest.is_empty() {
         let mut padded = [0.0; 64];
         padded[..rest.len()].copy_from_slice(rest);
-        out[parts.len()] = R::load(&padded);
-    }
-    for (out, part) in out.iter_mut().zip(parts) {
-        *out = R::load(part);
+        out[whole] = R::load(&padded);
     }
 }
 
 /// As many registers as there is room for, and a part of the next.
+#[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
 #[inline(always)]
 fn store<R: Real<Scalar = f32>>(values: &[R], out: &mut [f32]) {
-    let mut parts = out.chunks_exact_mut(R::WIDTH);
-    let whole = parts.len();
-    for (&value, part) in values.iter().zip(&mut parts) {
-        value.store(part);
+    let whole = out.len() / R::WIDTH;
+    for register in 0..whole {
+        values[register].store(&mut out[register * R::WIDTH..]);
     }
-    let rest = parts.into_remainder();
+    let rest = &mut out[whole * R::WIDTH..];
     if !rest.is_empty() {
         let mut padded = [0.0; 64];
         values[whole].store(&mut padded);

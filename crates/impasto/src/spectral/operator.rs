@@ -73,6 +73,7 @@ impl Operator {
     ///
     /// No closures: a closure need not be inlined, and what is not inlined is not compiled for the
     /// instruction set.
+    #[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
     #[inline(always)]
     pub(super) fn estimate<R: Real<Scalar = f32>>(&self, panel: &mut Panel<R>) {
         let (rho, _) = panel.rho.as_chunks::<PANEL>();
@@ -96,15 +97,17 @@ impl Operator {
         for (values, weights) in blocks.iter_mut().zip(self.blocks.chunks_exact(features.len())) {
             for here in (0..PANEL).step_by(2) {
                 let [mut a, mut b] = [[R::zero(); ROWS]; 2];
-                for (feature, weights) in features.iter().zip(weights) {
+                for index in 0..features.len() {
+                    let (feature, weights) = (&features[index], &weights[index]);
                     for row in 0..ROWS {
                         let weight = R::splat(weights[row]);
                         a[row] = feature[here].mul_add(weight, a[row]);
                         b[row] = feature[here + 1].mul_add(weight, b[row]);
                     }
                 }
-                for (value, (a, b)) in values.iter_mut().zip(a.into_iter().zip(b)) {
-                    [value[here], value[here + 1]] = [a, b];
+                for row in 0..ROWS {
+                    values[row][here] = a[row];
+                    values[row][here + 1] = b[row];
                 }
             }
         }

@@ -5,6 +5,7 @@ use crate::math::{Kernel, Mask, Real};
 
 use super::lanes::NormalLanes;
 use super::lights::{Distant, Lights, Near};
+use super::plain_registers::{PlainBlock, PlainRegisters};
 use super::problem::StereoProblem;
 use super::results::NormalResults;
 use super::rows::store;
@@ -35,14 +36,21 @@ impl NormalFit<'_, '_, '_> {
     fn fit<R: Real<Scalar = f32>, L: Lights<R>>(self) {
         let Self { problem, scratch, tile } = self;
         let mut pixels = NormalLanes::<R, L>::new(problem);
+        let mut plain = PlainRegisters::new(problem, &pixels);
         let mut screened = ScreenedSamples::new(problem);
+        let every: Vec<usize> = (0..BLOCK).step_by(R::WIDTH).collect();
         let mut start = 0;
         // A tile of hundreds of photographs takes long.
         while start < tile.count && !problem.run.cancelled() {
             scratch.read::<R>(problem, tile.start + start);
-            let end = BLOCK.min(tile.count - start);
-            let mut at = 0;
-            while at < end {
+            let count = BLOCK.min(tile.count - start);
+            let mut left = &every[..count.div_ceil(R::WIDTH)];
+            if let Some(plain) = &mut plain {
+                let (lights, scratch, tile) = (&pixels.lights, &*scratch, &mut *tile);
+                R::apart(PlainBlock { plain, lights, problem, scratch, tile, start, count });
+                left = &plain.left;
+            }
+            for &at in left {
                 let (x, y) = (R::load(&scratch.x[at..]), R::load(&scratch.y[at..]));
                 if !L::DISTANT {
                     pixels.lights.aim(problem.rig, x, y);
@@ -63,7 +71,6 @@ impl NormalFit<'_, '_, '_> {
                     store(value, plane, start + at);
                 }
                 NormalResults::new(&pixels, &estimate).write(&pixels, tile, start + at);
-                at += R::WIDTH;
             }
             start += BLOCK;
         }

@@ -13,7 +13,7 @@ use super::rejection::{Ranks, RejectionOutcome, RejectionRule, threshold};
 use super::rows::{MAX_LANES, PlaneRows, any};
 use super::samples::{RegisterSamples, ScreenedSamples};
 use super::solve::{Solution, Symmetric, SymmetricInverse};
-use super::sums::{Accumulate, Multiply, Squares};
+use super::sums::{Accumulate, Multiply, Squares, TOGETHER, WeightedSamples};
 
 /// The solution for one register of pixels; the albedo stays in [`NormalLanes`].
 pub(super) struct NormalSolution<R: Real> {
@@ -46,9 +46,9 @@ pub(super) struct NormalLanes<R: Real, L> {
     pub(super) lights: L,
     pub(super) views: Views<R>,
     /// Of all lights, where that is the same for every pixel; without `b` and `total`.
-    uniform: Option<Solution<R>>,
+    pub(super) uniform: Option<Solution<R>>,
     /// Rows of the pseudoinverse of all lights.
-    pseudoinverse: Vec<Vec3<f32>>,
+    pub(super) pseudoinverse: Vec<Vec3<f32>>,
     /// Which samples a rule kept.
     pub(super) kept: Vec<R::Mask>,
     /// Number of valid samples, and of clipped ones.
@@ -56,7 +56,9 @@ pub(super) struct NormalLanes<R: Real, L> {
     pub(super) saturated: R,
     /// Of as many samples as the last pixels kept.
     pub(super) share: ErrorScale<R>,
-    /// Every band's albedo.
+    /// Cosines of the lights with the normal, 0 where a sample does not count.
+    cosines: Vec<R>,
+    /// Every band's albedo; empty where nobody asked for it.
     pub(super) albedo: Vec<R>,
 }
 
@@ -87,7 +89,8 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             valid: zero,
             saturated: zero,
             share: ErrorScale::of(zero, problem.loss),
-            albedo: vec![zero; shape.bands],
+            cosines: vec![zero; count],
+            albedo: vec![zero; if problem.albedo { shape.bands } else { 0 }],
         };
         if let Some(uniform) = &problem.uniform {
             pixels.pseudoinverse = uniform.pseudoinverse.iter().map(|row| row.splat()).collect();
@@ -283,13 +286,19 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         share: Option<R>,
     ) {
         let (zero, one) = (R::zero(), R::one());
-        if let ([albedo], None) = (&mut self.albedo[..], share) {
+        match (&mut self.albedo[..], share) {
+            ([], _) => return,
             // The same number: the normal is the direction of the least-squares solution.
-            *albedo = length;
-            return;
+            ([albedo], None) => {
+                *albedo = length;
+                return;
+            }
+            _ => {}
         }
         let by_rule = self.loss == LossFunction::Squares || self.steps == 0;
-        let whole = ALL && self.rule == RejectionRule::All && self.loss == LossFunction::Squares;
+        if by_rule && share.is_none() {
+            return self.follow_by_rule::<ALL>(bands, normal);
+        }
         let mixture = match (&self.mm, share) {
             (Some(mm), Some(share)) => {
                 Some((&mm.weights[..], share.gt(zero), self.mixture(mm, normal, share)))
@@ -304,10 +313,6 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
             let weight = if let Some((weights, robust, (by_weights, by_all))) = mixture {
                 let mixed = weights[k].mul_add(by_weights, by_all);
                 R::keep(kept, R::select(robust, mixed, one))
-            } else if whole {
-                one
-            } else if by_rule {
-                R::keep(kept, one)
             } else {
                 self.irls.weights()[k]
             };
@@ -325,6 +330,37 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> NormalLanes<R, L> {
         }
         if let ([albedo], Some(share)) = (&mut self.albedo[..], share) {
             *albedo = R::select(share.gt(zero), *albedo, length);
+        }
+    }
+
+    /// [`Self::follow`] where every kept sample has the same weight.
+    #[inline(always)]
+    fn follow_by_rule<const ALL: bool>(&mut self, bands: PlaneRows<'_>, normal: Vec3<R>) {
+        let whole = ALL && self.rule == RejectionRule::All;
+        let mut squares = R::zero();
+        for k in 0..self.kept.len() {
+            let cosine = normal.dot(self.lights.at(k));
+            let weighted = if whole { cosine } else { R::keep(self.kept[k], cosine) };
+            squares = weighted.mul_add(cosine, squares);
+            self.cosines[k] = weighted;
+        }
+        let per_square = squares.recip();
+        let kept = if ALL { None } else { Some(&self.kept[..]) };
+        let count = self.albedo.len();
+        let samples = WeightedSamples { weights: &self.cosines, kept, bands, count };
+        let mut first = 0;
+        while first < count {
+            if count - first >= TOGETHER {
+                let sums = samples.sums::<TOGETHER>(first);
+                for (band, &sum) in sums.iter().enumerate() {
+                    self.albedo[first + band] = sum * per_square;
+                }
+                first += TOGETHER;
+            } else {
+                let [sum] = samples.sums::<1>(first);
+                self.albedo[first] = sum * per_square;
+                first += 1;
+            }
         }
     }
 

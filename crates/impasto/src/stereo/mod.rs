@@ -22,6 +22,7 @@ mod m_estimators;
 mod m_scale;
 mod mm_estimation;
 mod model_errors;
+mod plain_registers;
 mod problem;
 mod rejection;
 mod results;
@@ -76,18 +77,17 @@ pub fn learn_normals(
         let problem = "only the robust method learns from a whole painting".to_owned();
         return Err(Error::argument("method", problem));
     }
-    let shape = stack.shape();
-    let pixels = shape.pixels();
+    let pixels = stack.shape().pixels();
     let mut statistics = run.filled(0.0, learning::PLANES * pixels)?;
     let options = StereoOptions { learned: Learned::default(), ..*options };
     let mut maps = NormalMaps {
-        normal: &mut run.filled(0.0, 3 * pixels)?,
-        albedo: &mut run.filled(0.0, shape.bands * pixels)?,
-        used: &mut run.filled(0, pixels)?,
-        rejected: &mut run.filled(0, 4 * pixels)?,
-        residual: &mut run.filled(0.0, pixels)?,
-        condition: &mut run.filled(0.0, pixels)?,
-        sigma: &mut run.filled(0.0, pixels)?,
+        normal: &mut [],
+        albedo: &mut [],
+        used: &mut [],
+        rejected: &mut [],
+        residual: &mut [],
+        condition: &mut [],
+        sigma: &mut [],
         status: &mut run.filled(0, pixels)?,
     };
     estimate(stack, rig, &options, &mut maps, Some(&mut statistics), run)?;
@@ -114,6 +114,7 @@ fn estimate(
         loss: options.method.loss(),
         options: *options,
         learns: statistics.is_some(),
+        albedo: !maps.albedo.is_empty(),
         near_views: options.method == Method::Robust && near_views(rig),
         run,
         uniform: (rule == RejectionRule::All && one_path && rig.is_distant())

@@ -136,6 +136,8 @@ pub(super) struct StereoProblem<'a> {
     pub(super) options: StereoOptions,
     /// Whether the pixels are a sample to learn from.
     pub(super) learns: bool,
+    /// Whether anybody asked for the albedo.
+    pub(super) albedo: bool,
     /// Whether a camera is near and the method asks where it is.
     pub(super) near_views: bool,
     pub(super) run: &'a Run<'a>,

@@ -51,9 +51,12 @@ impl<R: Real<Scalar = f32>> NormalResults<R> {
         at: usize,
     ) {
         let nan = R::splat(f32::NAN);
-        store_counts(self.used, tile.used, at);
+        if let Some(used) = &mut tile.used {
+            store_counts(self.used, used, at);
+        }
         let all = R::of(pixels.kept.len() as f64);
-        let rejected = if any(all - self.used) { 4 } else { 0 };
+        let counted = !tile.rejected.is_empty();
+        let rejected = if counted && any(all - self.used) { Rejection::COUNT } else { 0 };
         let invalid = all - pixels.valid - pixels.saturated;
         for (reason, count) in [
             (Rejection::Saturated, pixels.saturated),
@@ -81,7 +84,9 @@ impl<R: Real<Scalar = f32>> NormalResults<R> {
                 store(value, plane, at);
             }
             for (plane, value) in maps {
-                store(value, plane, at);
+                if let Some(plane) = plane {
+                    store(value, plane, at);
+                }
             }
             return;
         }
@@ -98,14 +103,16 @@ impl<R: Real<Scalar = f32>> NormalResults<R> {
             store(R::select(dark, R::zero(), value), plane, at);
         }
         for ((plane, value), known) in maps.into_iter().zip([spare, estimated, spare]) {
-            store(R::select(known, value, nan), plane, at);
+            if let Some(plane) = plane {
+                store(R::select(known, value, nan), plane, at);
+            }
         }
     }
 }
 
 /// Least length whose square single precision holds with all its digits: its least normal number is
 /// 2^-126. A shorter albedo's direction is no unit vector, and its pixel as good as black.
-const SHORTEST: f64 = 1.0 / 9_223_372_036_854_775_808.0;
+pub(super) const SHORTEST: f64 = 1.0 / 9_223_372_036_854_775_808.0;
 
 /// Numbers that must lie within the range of single precision.
 struct Magnitudes<R> {

@@ -18,8 +18,10 @@ const AHEAD: usize = 4;
 
 /// One block of pixels; each worker has one.
 pub(super) struct StereoScratch {
-    /// Linear samples `(obs, band)`.
+    /// Linear samples `(obs, band)`, or where nobody needs them any more those of one photograph.
     samples: Aligned,
+    /// Whether they are kept.
+    kept: bool,
     /// Their means over the bands `(obs)`, empty if there is only one band.
     means: Aligned,
     /// Coordinates in mm.
@@ -31,8 +33,11 @@ impl StereoScratch {
     pub(super) fn new(problem: &StereoProblem<'_>) -> Self {
         let shape = problem.stack.shape();
         let means = if shape.bands == 1 { 0 } else { shape.observations };
+        let kept = shape.bands == 1 || problem.albedo || problem.options.selection.is_some();
+        let photographs = if kept { shape.observations } else { 1 };
         Self {
-            samples: Aligned::new(shape.observations * shape.bands * STRIDE),
+            samples: Aligned::new(photographs * shape.bands * STRIDE),
+            kept,
             means: Aligned::new(means * STRIDE),
             x: vec![0.0; BLOCK],
             y: vec![0.0; BLOCK],
@@ -47,22 +52,29 @@ impl StereoScratch {
     ) {
         let bands = problem.stack.shape().bands;
         let planes = problem.stack.shape().observations * bands;
-        for (plane, out) in self.samples.get_mut().chunks_exact_mut(STRIDE).enumerate() {
-            let next = plane + AHEAD;
-            let (next, block) =
-                if next < planes { (next, start) } else { (next % planes, start + BLOCK) };
-            problem.stack.prefetch(next / bands, next % bands, block, BLOCK);
-            problem.stack.read(plane / bands, plane % bands, start, &mut out[..BLOCK]);
-        }
         let share = R::of(1.0 / bands as f64);
-        for (k, mean) in self.means.get_mut().chunks_exact_mut(STRIDE).enumerate() {
-            let samples = PlaneRows::new(&self.samples.get()[k * bands * STRIDE..], STRIDE);
-            for at in (0..BLOCK).step_by(R::WIDTH) {
-                let mut sum: R = samples.from(at).at(0);
-                for band in 1..bands {
-                    sum = sum + samples.from(at).at::<R>(band);
+        let samples = self.samples.get_mut();
+        for k in 0..problem.stack.shape().observations {
+            let first = if self.kept { k * bands } else { 0 };
+            let rows = &mut samples[first * STRIDE..(first + bands) * STRIDE];
+            for band in 0..bands {
+                let next = k * bands + band + AHEAD;
+                let (next, block) =
+                    if next < planes { (next, start) } else { (next % planes, start + BLOCK) };
+                problem.stack.prefetch(next / bands, next % bands, block, BLOCK);
+                problem.stack.read(k, band, start, &mut rows[band * STRIDE..][..BLOCK]);
+            }
+            if bands > 1 {
+                // While they are in the nearest cache.
+                let (rows, mean) =
+                    (PlaneRows::new(rows, STRIDE), &mut self.means.get_mut()[k * STRIDE..]);
+                for at in (0..BLOCK).step_by(R::WIDTH) {
+                    let mut sum: R = rows.from(at).at(0);
+                    for band in 1..bands {
+                        sum = sum + rows.from(at).at::<R>(band);
+                    }
+                    (sum * share).store(&mut mean[at..]);
                 }
-                (sum * share).store(&mut mean[at..]);
             }
         }
         if !problem.rig.is_distant() || problem.near_views {

@@ -87,3 +87,41 @@ pub(super) fn residual<R: Real>(sample: R, light: Vec3<R>, b: Vec3<R>) -> R {
     let rest = (-light.y).mul_add(b.y, rest);
     (-light.z).mul_add(b.z, rest)
 }
+
+/// Bands that are summed together: their sums, of two registers each, hide the latency of the multiply-add.
+pub(super) const TOGETHER: usize = 3;
+
+/// The samples of all bands, and a weight for each light.
+pub(super) struct WeightedSamples<'a, R: Real> {
+    pub(super) weights: &'a [R],
+    /// Where they count; everywhere if none.
+    pub(super) kept: Option<&'a [R::Mask]>,
+    pub(super) bands: PlaneRows<'a>,
+    /// Bands in all.
+    pub(super) count: usize,
+}
+
+impl<R: Real<Scalar = f32>> WeightedSamples<'_, R> {
+    /// The sums of `N` bands. They stay in registers: of as many as a camera has, each would wait for memory.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "only loops with indices stay in line")]
+    pub(super) fn sums<const N: usize>(&self, first: usize) -> [R; N] {
+        let mut sums = [R::zero(); N];
+        if let Some(kept) = self.kept {
+            for k in 0..self.weights.len() {
+                for band in 0..N {
+                    let sample: R = self.bands.at(k * self.count + first + band);
+                    sums[band] = self.weights[k].mul_add(R::keep(kept[k], sample), sums[band]);
+                }
+            }
+        } else {
+            for k in 0..self.weights.len() {
+                for band in 0..N {
+                    let sample: R = self.bands.at(k * self.count + first + band);
+                    sums[band] = self.weights[k].mul_add(sample, sums[band]);
+                }
+            }
+        }
+        sums
+    }
+}

@@ -7,7 +7,8 @@ use crate::pixels;
 /// Maps in the caller's memory.
 ///
 /// `rejected` and `status` must hold zeros: registers of zeros are not written to them, so that
-/// fresh memory in which nothing goes wrong is never touched. All other values are written.
+/// fresh memory in which nothing goes wrong is never touched. All other values are written. A map
+/// without memory was not asked for, and is not made; `status` always is.
 #[derive(Debug)]
 pub struct NormalMaps<'a> {
     /// `(3, y, x)` unit vectors.
@@ -28,17 +29,17 @@ pub struct NormalMaps<'a> {
     pub status: &'a mut [u8],
 }
 
-/// The part of the maps that one tile holds.
+/// The part of the maps that one tile holds: no planes of a map that was not asked for.
 pub(super) struct NormalTile<'a> {
     pub(super) start: usize,
     pub(super) count: usize,
     pub(super) normal: Vec<&'a mut [f32]>,
     pub(super) albedo: Vec<&'a mut [f32]>,
-    pub(super) used: &'a mut [u16],
+    pub(super) used: Option<&'a mut [u16]>,
     pub(super) rejected: Vec<&'a mut [u16]>,
-    pub(super) residual: &'a mut [f32],
-    pub(super) condition: &'a mut [f32],
-    pub(super) sigma: &'a mut [f32],
+    pub(super) residual: Option<&'a mut [f32]>,
+    pub(super) condition: Option<&'a mut [f32]>,
+    pub(super) sigma: Option<&'a mut [f32]>,
     pub(super) status: &'a mut [u8],
     /// What the pixels of a sample say of the painting; else no planes.
     pub(super) statistics: Vec<&'a mut [f32]>,
@@ -61,30 +62,33 @@ impl NormalMaps<'_> {
             ("sigma", self.sigma.len(), pixels),
             ("status", self.status.len(), pixels),
         ];
-        if let Some((name, found, expected)) = sizes.iter().find(|(_, a, b)| a != b) {
+        let wrong = |&&(name, found, expected): &&(&str, usize, usize)| {
+            found != expected && (found != 0 || name == "status")
+        };
+        if let Some((name, found, expected)) = sizes.iter().find(wrong) {
             return Err(Error::argument(name, format!("{found} values, expected {expected}")));
         }
         let mut normal = planes(self.normal, pixels);
         let mut albedo = planes(self.albedo, pixels);
         let mut rejected = planes(self.rejected, pixels);
         let mut statistics = planes(statistics.unwrap_or_default(), pixels);
+        let mut used = self.used.chunks_mut(pixels::TILE);
+        let mut residual = self.residual.chunks_mut(pixels::TILE);
+        let mut condition = self.condition.chunks_mut(pixels::TILE);
+        let mut sigma = self.sigma.chunks_mut(pixels::TILE);
         Ok(pixels::tiles(pixels)
             .into_iter()
-            .zip(self.used.chunks_mut(pixels::TILE))
-            .zip(self.residual.chunks_mut(pixels::TILE))
-            .zip(self.condition.chunks_mut(pixels::TILE))
-            .zip(self.sigma.chunks_mut(pixels::TILE))
             .zip(self.status.chunks_mut(pixels::TILE))
-            .map(|((((((start, count), used), residual), condition), sigma), status)| NormalTile {
+            .map(|((start, count), status)| NormalTile {
                 start,
                 count,
                 normal: normal.iter_mut().filter_map(Iterator::next).collect(),
                 albedo: albedo.iter_mut().filter_map(Iterator::next).collect(),
-                used,
+                used: used.next(),
                 rejected: rejected.iter_mut().filter_map(Iterator::next).collect(),
-                residual,
-                condition,
-                sigma,
+                residual: residual.next(),
+                condition: condition.next(),
+                sigma: sigma.next(),
                 status,
                 statistics: statistics.iter_mut().filter_map(Iterator::next).collect(),
             })
@@ -103,13 +107,16 @@ impl NormalTile<'_> {
         for plane in self.normal.iter_mut().chain(&mut self.albedo) {
             plane[pixel] = f32::NAN;
         }
-        for plane in [&mut self.residual, &mut self.condition, &mut self.sigma] {
+        let errors = [&mut self.residual, &mut self.condition, &mut self.sigma];
+        for plane in errors.into_iter().flatten() {
             plane[pixel] = f32::NAN;
         }
         for plane in &mut self.rejected {
             plane[pixel] = 0;
         }
-        self.used[pixel] = 0;
+        if let Some(used) = &mut self.used {
+            used[pixel] = 0;
+        }
         self.status[pixel] = Status::Masked.code();
     }
 }

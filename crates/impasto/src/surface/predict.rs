@@ -118,12 +118,6 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
     fn run<I: Isa>(self) {
         let Self { surface, pairs, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
-        // Nothing is brighter; what is no number stays none.
-        let largest = I::F32::splat(f32::MAX);
-        let held = |value: I::F32| largest.min(value);
-        let plane = |map: &'_ [f32], number: usize, pixel: usize| -> I::F32 {
-            load(&map[number * pixels..(number + 1) * pixels], pixel)
-        };
         let mut values = vec![zero; surface.lobes.len()];
         let tinted: Vec<(usize, &[f32])> = (surface.lobes.iter().enumerate())
             .filter_map(|(lobe, of)| match of.strength {
@@ -137,9 +131,9 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
         while at < job.count {
             let pixel = job.start + at;
             let normal = Vec3::new(
-                plane(surface.normal, 0, pixel),
-                plane(surface.normal, 1, pixel),
-                plane(surface.normal, 2, pixel),
+                plane(surface.normal, pixels, 0, pixel),
+                plane(surface.normal, pixels, 1, pixel),
+                plane(surface.normal, pixels, 2, pixel),
             );
             if near {
                 let (x, y) = (load(&x[..job.count], at), load(&y[..job.count], at));
@@ -160,21 +154,33 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             let scale = irradiance * intensity;
             let known = (normal.x + normal.y + normal.z).is_finite();
             for (band, out) in job.out.iter_mut().enumerate() {
-                let diffuse = plane(surface.diffuse, band, pixel);
+                let diffuse: I::F32 = plane(surface.diffuse, pixels, band, pixel);
                 let mut radiance = diffuse.mul_add(cosine, neutral);
                 for &(lobe, map) in &tinted {
-                    radiance = radiance + scaled(plane(map, band, pixel), values[lobe]);
+                    radiance = radiance + scaled(plane(map, pixels, band, pixel), values[lobe]);
                 }
                 // Infinite light times none would be NaN.
                 let mut shown = held(radiance) * scale;
                 if let Some(ambient) = surface.ambient {
-                    shown = plane(ambient, band, pixel).mul_add(intensity, shown);
+                    shown = plane::<I::F32>(ambient, pixels, band, pixel).mul_add(intensity, shown);
                 }
                 store(I::F32::select(known, held(shown), I::F32::of(f64::NAN)), out, at);
             }
             at += I::F32::WIDTH;
         }
     }
+}
+
+/// A register of a map's plane. No closure: it need not be inlined, and then is a call per register.
+#[inline(always)]
+fn plane<R: Real<Scalar = f32>>(map: &[f32], pixels: usize, number: usize, pixel: usize) -> R {
+    load(&map[number * pixels..(number + 1) * pixels], pixel)
+}
+
+/// Nothing is brighter than the largest number; what is no number stays none.
+#[inline(always)]
+fn held<R: Real<Scalar = f32>>(value: R) -> R {
+    R::splat(f32::MAX).min(value)
 }
 
 #[cfg(test)]
