@@ -319,6 +319,7 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
 
     /// Puts the next pixels into the lanes that are free; which lanes these are.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn refill(&mut self, paths: &mut Paths<'_>, next: &mut usize) -> R::Mask {
         let mut fresh = [0.0; MAX_LANES];
         for lane in 0..R::WIDTH {
