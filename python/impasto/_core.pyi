@@ -148,7 +148,7 @@ def fit_lobes(
     maps: LobeMaps,
     threads: int,
     progress: ProgressCallback | None,
-) -> Learned: ...
+) -> tuple[Learned, list[tuple[str, int, int, float]]]: ...
 def learn_lobes(
     stack: StackArguments,
     start: StartArguments,

@@ -6,6 +6,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 
+use impasto::passes::{PassCount, Passes, Purpose};
 use impasto::sbrdf::{LearnedLobes, LobeMapsMut, LobeOptions, Origin, Precision, PriorNumbers};
 use impasto::surface::{CoatedDiffuse, TorranceSparrow};
 use impasto::{Error, Result};
@@ -91,7 +92,7 @@ struct PriorArrays<'py> {
 }
 
 /// Fills the maps with every pixel's own lobes, from the maps of photometric stereo; returns what
-/// was learned about the painting.
+/// was learned about the painting, and where the passes went.
 #[pyfunction]
 #[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
 pub(crate) fn fit_lobes<'py>(
@@ -102,7 +103,7 @@ pub(crate) fn fit_lobes<'py>(
     mut maps: LobeArrays<'py>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Learned<'py>> {
+) -> PyResult<(Learned<'py>, Vec<Counted>)> {
     let refuse = |error| errors::to_python(py, &error);
     let decoding = stack.decoding().map_err(refuse)?;
     let samples = stack.stack(&decoding).map_err(refuse)?;
@@ -110,10 +111,22 @@ pub(crate) fn fit_lobes<'py>(
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
     let maps = maps.maps().map_err(refuse)?;
-    let learned = run::call(py, threads, progress.as_ref(), |run| {
+    let (learned, passes) = run::call(py, threads, progress.as_ref(), |run| {
         impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, maps, run)
+            .map(|learned| (learned, counted(&run.progress.passes)))
     })?;
-    Learned::of(py, &learned)
+    Ok((Learned::of(py, &learned)?, passes))
+}
+
+/// A purpose; passes of all lanes, and of those at work; seconds of all threads.
+type Counted = (&'static str, u64, u64, f64);
+
+fn counted(passes: &Passes) -> Vec<Counted> {
+    let count = |purpose: Purpose| {
+        let PassCount { lanes, useful, seconds } = passes.of(purpose);
+        (purpose.name(), lanes, useful, seconds)
+    };
+    Purpose::ALL.map(count).to_vec()
 }
 
 /// What the fit of a tile needs to know about the whole painting of `extent` rows and columns about

@@ -54,6 +54,8 @@ pub mod lm;
 pub mod maps;
 pub mod math;
 #[cfg(feature = "painting")]
+pub mod passes;
+#[cfg(feature = "painting")]
 pub mod pixels;
 #[cfg(feature = "painting")]
 pub mod radiosity;

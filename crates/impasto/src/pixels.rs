@@ -13,6 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::math::Level;
+use crate::passes::Passes;
 
 /// Pixels of a tile: 16 photographs of 16 bits are 128 KiB, which stay in the second-level cache
 /// while the outputs of one tile are written; and a megapixel makes enough tiles for any core.
@@ -47,6 +48,8 @@ impl Pool {
 pub struct Progress {
     done: AtomicUsize,
     total: AtomicUsize,
+    /// What the passes were for.
+    pub passes: Passes,
     #[cfg(test)]
     looks: looks::Looks,
 }

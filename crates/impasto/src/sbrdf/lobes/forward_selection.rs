@@ -5,6 +5,7 @@
 
 use crate::geometry::Grid;
 use crate::lm::Options;
+use crate::passes::Purpose;
 use crate::pixels::Run;
 
 use super::brightest::brightest;
@@ -242,44 +243,60 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
     }
 
     fn score(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
-        Score {
-            photographs: self.photographs,
-            samples: &tile.grey,
-            x: &tile.x,
-            y: &tile.y,
-            ambient: self.options.ambient,
-            starts,
-            found: &mut tile.estimates,
-            pixels,
-            lobes,
-            level: self.run.level,
-        }
-        .run();
+        self.count(Purpose::Starts, || {
+            Score {
+                photographs: self.photographs,
+                samples: &tile.grey,
+                x: &tile.x,
+                y: &tile.y,
+                ambient: self.options.ambient,
+                starts,
+                found: &mut tile.estimates,
+                pixels,
+                lobes,
+                level: self.run.level,
+            }
+            .run();
+            [pixels.len() as u64; 2]
+        });
     }
 
     fn search(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {
-        Search {
-            photographs: self.photographs,
-            samples: &tile.grey,
-            x: &tile.x,
-            y: &tile.y,
-            ambient: self.options.ambient,
-            freedom: Freedom::of_options(self.options),
-            typical: None,
-            starts,
-            found: &mut tile.estimates,
-            pixels,
-            lobes,
-            double: self.options.precision == Precision::Double,
-            options: &Options {
-                max_iterations: self.options.iterations,
-                damping: 1e-2,
-                cost: 1e-4,
-                ..Options::single()
-            },
-            level: self.run.level,
-        }
-        .run();
+        let purpose = match lobes {
+            0 => Purpose::Matte,
+            1 => Purpose::FirstLobe,
+            _ => Purpose::MoreLobes,
+        };
+        self.count(purpose, || {
+            Search {
+                photographs: self.photographs,
+                samples: &tile.grey,
+                x: &tile.x,
+                y: &tile.y,
+                ambient: self.options.ambient,
+                freedom: Freedom::of_options(self.options),
+                typical: None,
+                starts,
+                found: &mut tile.estimates,
+                pixels,
+                lobes,
+                double: self.options.precision == Precision::Double,
+                options: &Options {
+                    max_iterations: self.options.iterations,
+                    damping: 1e-2,
+                    cost: 1e-4,
+                    ..Options::single()
+                },
+                level: self.run.level,
+            }
+            .run()
+        });
+    }
+
+    /// Counts passes; without a prior, they are for what is learned.
+    fn count(&self, purpose: Purpose, work: impl FnOnce() -> [u64; 2]) {
+        let purpose = if self.prior.is_some() { purpose } else { Purpose::Learning };
+        self.run.progress.passes.count(purpose, work);
     }
 }
 

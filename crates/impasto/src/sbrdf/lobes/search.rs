@@ -3,7 +3,7 @@
 
 use core::cell::RefCell;
 
-use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Reason, Rows, fit};
+use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
 use crate::math::{Element, Level, Real, Scalar, Vec3};
 
 use super::model::{LobeEstimation, Visit};
@@ -65,11 +65,13 @@ pub(super) struct Search<'a, M: LobeEstimation> {
 }
 
 impl<M: LobeEstimation> Search<'_, M> {
-    pub(super) fn run(self) {
-        M::dispatch(self.lobes, self);
+    /// Returns the passes that it took: of all lanes, and of those at work.
+    pub(super) fn run(self) -> [u64; 2] {
+        let Occupancy { lanes, useful } = M::dispatch(self.lobes, self);
+        [lanes, useful]
     }
 
-    fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) {
+    fn seek<S: Element, const J: usize, const K: usize, const N: usize>(self) -> Occupancy {
         let tilt = S::from_f64(if self.freedom == Freedom::Shapes { 0.0 } else { STEEPEST });
         let mut bounds = Bounds { lower: [-tilt; N], upper: [tilt; N] };
         let [mut lower, upper] = self.photographs.model.bounds();
@@ -93,14 +95,14 @@ impl<M: LobeEstimation> Search<'_, M> {
             scratch: RefCell::new(vec![S::zero(); numbers]),
             bounded: RefCell::default(),
         };
-        fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, self.options);
+        fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, self.options)
     }
 }
 
 impl<M: LobeEstimation> Visit for Search<'_, M> {
-    type Output = ();
+    type Output = Occupancy;
 
-    fn visit<const J: usize, const K: usize, const N: usize>(self) {
+    fn visit<const J: usize, const K: usize, const N: usize>(self) -> Occupancy {
         if self.double { self.seek::<f64, J, K, N>() } else { self.seek::<f32, J, K, N>() }
     }
 }

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::Options;
 use crate::maps::Status;
+use crate::passes::Purpose;
 use crate::pixels::Run;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
@@ -162,20 +163,24 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
 
     /// Rounds of one step each.
     fn fused_rounds(&self, tile: &mut LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
-        FusedRounds {
-            photographs: self.photographs,
-            x: &tile.x,
-            y: &tile.y,
-            estimates: &mut tile.estimates,
-            samples: &mut tile.colour,
-            ambient: self.options.ambient,
-            freedom: Freedom::of_options(self.options),
-            prior: self.prior,
-            rounds: self.options.rounds,
-            variances: &mut solution.variance,
-            level: self.run.level,
-        }
-        .run();
+        let passes = (self.options.rounds * tile.pixels.len()) as u64;
+        self.count(Purpose::AllBands, || {
+            FusedRounds {
+                photographs: self.photographs,
+                x: &tile.x,
+                y: &tile.y,
+                estimates: &mut tile.estimates,
+                samples: &mut tile.colour,
+                ambient: self.options.ambient,
+                freedom: Freedom::of_options(self.options),
+                prior: self.prior,
+                rounds: self.options.rounds,
+                variances: &mut solution.variance,
+                level: self.run.level,
+            }
+            .run();
+            [passes; 2]
+        });
         drop_unsupported(self.photographs, tile, fitted, self.run.level);
         for &pixel in fitted {
             tile.estimates[pixel] = self.ordered(&tile.estimates[pixel]);
@@ -299,23 +304,25 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         for lobes in 0..=self.options.lobes {
             let with = |&pixel: &usize| starts[pixel].lobes == lobes;
             let pixels: Vec<usize> = fitted.iter().copied().filter(with).collect();
-            Search {
-                photographs: self.photographs,
-                samples: &tile.colour,
-                x: &tile.x,
-                y: &tile.y,
-                ambient: self.options.ambient,
-                freedom,
-                typical,
-                starts,
-                found: &mut tile.estimates,
-                pixels: &pixels,
-                lobes,
-                double,
-                options,
-                level: self.run.level,
-            }
-            .run();
+            self.count(Purpose::AllBands, || {
+                Search {
+                    photographs: self.photographs,
+                    samples: &tile.colour,
+                    x: &tile.x,
+                    y: &tile.y,
+                    ambient: self.options.ambient,
+                    freedom,
+                    typical,
+                    starts,
+                    found: &mut tile.estimates,
+                    pixels: &pixels,
+                    lobes,
+                    double,
+                    options,
+                    level: self.run.level,
+                }
+                .run()
+            });
         }
     }
 
@@ -334,19 +341,29 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     }
 
     fn reweight(&self, tile: &mut LobeFitTile, solution: &mut Solution, renew: bool) {
-        Reweight {
-            photographs: self.photographs,
-            x: &tile.x,
-            y: &tile.y,
-            estimates: &tile.estimates,
-            ambient: self.options.ambient,
-            renew,
-            samples: &mut tile.colour,
-            solution,
-            lobes: self.options.lobes,
-            level: self.run.level,
-        }
-        .run();
+        let pixels = tile.pixels.len() as u64;
+        self.count(Purpose::Weights, || {
+            Reweight {
+                photographs: self.photographs,
+                x: &tile.x,
+                y: &tile.y,
+                estimates: &tile.estimates,
+                ambient: self.options.ambient,
+                renew,
+                samples: &mut tile.colour,
+                solution,
+                lobes: self.options.lobes,
+                level: self.run.level,
+            }
+            .run();
+            [pixels; 2]
+        });
+    }
+
+    /// Counts passes; without a prior, they are for what is learned.
+    fn count(&self, purpose: Purpose, work: impl FnOnce() -> [u64; 2]) {
+        let purpose = if self.prior.is_some() { purpose } else { Purpose::Learning };
+        self.run.progress.passes.count(purpose, work);
     }
 
     /// Adds what the model does not describe to the errors of fitted normals.
@@ -355,17 +372,21 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             return;
         }
         let LobeScratch { tile, solution } = scratch;
-        Jackknife {
-            photographs: self.photographs,
-            x: &tile.x,
-            y: &tile.y,
-            estimates: &mut tile.estimates,
-            samples: &tile.colour,
-            solution,
-            lobes: self.options.lobes,
-            level: self.run.level,
-        }
-        .run();
+        let pixels = tile.pixels.len() as u64;
+        self.count(Purpose::Errors, || {
+            Jackknife {
+                photographs: self.photographs,
+                x: &tile.x,
+                y: &tile.y,
+                estimates: &mut tile.estimates,
+                samples: &tile.colour,
+                solution,
+                lobes: self.options.lobes,
+                level: self.run.level,
+            }
+            .run();
+            [pixels; 2]
+        });
     }
 
     /// Writes the fitted pixels of a tile, and the statuses of the others.

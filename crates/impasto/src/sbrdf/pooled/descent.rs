@@ -3,7 +3,7 @@
 //!
 //! Weights follow the residuals: the curvature of the scale is a share of that of the weighted sum of
 //! squares, and a Gauss-Newton step under fixed weights is too short by this share. It is known for
-//! normal noise ([`Gaussian::curvature`]); steps are relaxed by its reciprocal, the relaxation
+//! normal noise ([`Gaussian::curvature`](super::scale::Gaussian)); steps are relaxed by its reciprocal, the relaxation
 //! factor of Huber [@huber1981robust].
 
 use crate::math::lanes::{MAX_LANES, put};

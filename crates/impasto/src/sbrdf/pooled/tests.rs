@@ -1,7 +1,7 @@
 //! How often passes look at the caller's flag, counted instead of timed; and that tiles have the bits of
 //! the whole.
 
-use super::apply::{Application, begin, photographs};
+use super::apply::{APPLIED, Application, begin, photographs};
 use super::descent::{Origin, Stopping};
 use super::irls::ScaleReference;
 use super::passes::Passes;
@@ -78,6 +78,31 @@ impl Maps {
         let numbers = planes.flat_map(|plane| places.iter().map(|&place| plane[place].to_bits()));
         numbers.chain(places.iter().map(|&place| u32::from(self.status[place]))).collect()
     }
+}
+
+#[test]
+fn an_applied_path_leaves_less_than_its_last_step_gained() {
+    let painting = Painting::new();
+    let (stack, start) = (&painting.stack(), &painting.start());
+    let lobe = CommonLobe { beta: 10.0, log_sharpness: 3.0 };
+    let ends = |stopping: Stopping| {
+        let scales = |run: &Run<'_>| {
+            let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
+            let photographs = &photographs(stack, &painting.rig, start, pairs, false);
+            let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
+            let passes = Passes { photographs, run, scale_reference, gaussian: Gaussian::of(2) };
+            let state = State::new(begin(start, 1.0), PIXELS, run)?;
+            let mut to = state.copied(run)?;
+            passes.irls(&state, &mut to, lobe, stopping, &[])?;
+            Ok::<_, crate::error::Error>(to.scale)
+        };
+        serially(scales).unwrap()
+    };
+    let (applied, longest) = (ends(APPLIED), ends(Stopping { steps: 400, tolerance: 0.0 }));
+    let left = |(&scale, &least): (&f32, &f32)| f64::from(scale / least) - 1.0;
+    let far = applied.iter().zip(&longest).map(left).filter(|&left| left > APPLIED.tolerance);
+    // A few paths creep along a valley: their steps shrink by less than half.
+    assert!(20 * far.count() < PIXELS);
 }
 
 type Pass<'a> = &'a dyn Fn(&Passes<'_>, Begin<'_>) -> Result<()>;
