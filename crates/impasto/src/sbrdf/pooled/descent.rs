@@ -173,7 +173,7 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
     }
 
     /// Writes where the paths of some pixels begin, with the colours of `to`: the normal that is not
-    /// given, and the squared scale.
+    /// given, and the squared scale. False if the run is cancelled.
     #[inline(always)]
     pub(super) fn visit_starts<const GLOSS: bool>(
         &mut self,
@@ -183,11 +183,11 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
         to: &mut State,
         origin: Origin,
         run: &Run<'_>,
-    ) {
+    ) -> bool {
         let zero = R::zero();
         for places in places.chunks(R::WIDTH) {
             if run.cancelled() {
-                return;
+                return false;
             }
             for (lane, &pixel) in places.iter().enumerate() {
                 self.put(lane, samples, pixel);
@@ -204,17 +204,18 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
             let lanes = u32::MAX >> (u32::BITS - places.len() as u32);
             self.trial.scatter(lanes, to, &self.held);
         }
+        true
     }
 
-    /// Steps down from where the paths begin. `GLOSS` and `SLOPES` as in [`Pixels::visit`] and
-    /// [`Pixels::equations`].
+    /// Steps down from where the paths begin; false if the run is cancelled. `GLOSS` and `SLOPES` as
+    /// in [`Pixels::visit`] and [`Pixels::equations`].
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn descend<const GLOSS: bool, const SLOPES: usize>(
         &mut self,
         pixels: &mut Pixels<'_, R>,
         mut paths: Paths<'_>,
-    ) {
+    ) -> bool {
         let (zero, one) = (R::zero(), R::one());
         let bands = self.changes.len();
         let tolerance = R::of(paths.stopping.tolerance);
@@ -228,11 +229,11 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
             if self.waiting(next < paths.pixels.len()) {
                 self.store(paths.to);
                 if paths.run.cancelled() {
-                    return;
+                    return false;
                 }
                 let fresh = self.refill(&mut paths, &mut next);
                 if self.busy == 0 {
-                    return;
+                    return true;
                 }
                 pixels.look(&self.rows(), 0);
                 if let Some(ends) = paths.known {

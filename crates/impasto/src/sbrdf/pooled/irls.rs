@@ -114,12 +114,27 @@ impl Kernel for Irls<'_, '_> {
     fn run<I: Isa>(self) -> LobeEquations {
         let pixels = &mut Pixels::<I::F32>::new(self.photographs, self.lobe);
         let lanes = &mut Lanes::new(self.photographs.bands, self.photographs.pairs.len());
+        match self.ends(pixels, lanes) {
+            Some(ends) => self.equations(pixels, &ends),
+            None => LobeEquations::zero(),
+        }
+    }
+}
+
+impl Irls<'_, '_> {
+    /// Where the best path of every pixel ends; none if the run is cancelled.
+    #[inline(always)]
+    fn ends<R: Real<Scalar = f32>>(
+        &self,
+        pixels: &mut Pixels<'_, R>,
+        lanes: &mut Lanes<R>,
+    ) -> Option<State> {
         let mut places: Vec<usize> = (0..self.tile.count).collect();
         let mut best = State::of_tile(self.tile);
         let mut first = None;
         if self.lobe.beta <= 0.0 {
             let from = (best.clone(), &places[..]);
-            let ends = self.paths::<_, false, 0>(pixels, lanes, from, Origin::Given, None);
+            let ends = self.paths::<_, false, 0>(pixels, lanes, from, Origin::Given, None)?;
             best.clone_from(&ends.state);
             first = Some(ends);
         }
@@ -127,12 +142,12 @@ impl Kernel for Irls<'_, '_> {
             match &first {
                 Some(_) if origin == Origin::Given => continue,
                 Some(ends) if origin == self.restarts[0] => {
-                    places = self.undescribed(pixels, ends);
+                    places = self.undescribed(pixels, ends)?;
                 }
                 _ => {}
             }
             let from = (best.clone(), &places[..]);
-            let ends = self.paths::<_, true, 2>(pixels, lanes, from, origin, first.as_ref());
+            let ends = self.paths::<_, true, 2>(pixels, lanes, from, origin, first.as_ref())?;
             let Some(_) = first else {
                 best.clone_from(&ends.state);
                 first = Some(ends);
@@ -145,11 +160,9 @@ impl Kernel for Irls<'_, '_> {
                 }
             }
         }
-        self.equations(pixels, &best)
+        Some(best)
     }
-}
 
-impl Irls<'_, '_> {
     /// The paths of some pixels; the others end where they begin, with the scale that they have.
     #[inline(always)]
     fn paths<R: Real<Scalar = f32>, const GLOSS: bool, const SLOPES: usize>(
@@ -159,9 +172,11 @@ impl Irls<'_, '_> {
         (mut start, places): (State, &[usize]),
         origin: Origin,
         known: Option<&Ends>,
-    ) -> Ends {
+    ) -> Option<Ends> {
         let Self { run, samples, stopping, gaussian, .. } = *self;
-        lanes.visit_starts::<GLOSS>(pixels, samples, places, &mut start, origin, run);
+        if !lanes.visit_starts::<GLOSS>(pixels, samples, places, &mut start, origin, run) {
+            return None;
+        }
         let mut ends = Ends { state: start.clone(), converged: vec![false; start.scale.len()] };
         let finite = |place: &usize| start.scale[*place].is_finite();
         let finite: Vec<usize> = places.iter().copied().filter(finite).collect();
@@ -169,8 +184,7 @@ impl Irls<'_, '_> {
         let relaxation = gaussian.curvature.recip();
         let paths =
             Paths { samples, pixels: &finite, from: &start, known, to, stopping, relaxation, run };
-        lanes.descend::<GLOSS, SLOPES>(pixels, paths);
-        ends
+        lanes.descend::<GLOSS, SLOPES>(pixels, paths).then_some(ends)
     }
 
     /// Pixels whose path has not converged, or ended at more than the noise of the painting.
@@ -179,14 +193,14 @@ impl Irls<'_, '_> {
         &self,
         pixels: &mut Pixels<'_, R>,
         first: &Ends,
-    ) -> Vec<usize> {
+    ) -> Option<Vec<usize>> {
         let count = self.tile.count;
         let tile = first.state.tile(0, count);
         let mut places = Vec::with_capacity(count);
         let mut colours = vec![R::zero(); self.photographs.bands];
         for at in (0..count).step_by(R::WIDTH) {
             if self.run.cancelled() {
-                break;
+                return None;
             }
             pixels.look(&self.samples.rows(), at);
             tile.colours_at(at, &mut colours);
@@ -201,7 +215,7 @@ impl Irls<'_, '_> {
                 }
             }
         }
-        places
+        Some(places)
     }
 
     /// Writes where the pixels have ended, and adds up the equations of the lobe there.

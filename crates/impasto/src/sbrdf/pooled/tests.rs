@@ -100,9 +100,12 @@ fn an_applied_path_leaves_less_than_its_last_step_gained() {
     };
     let (applied, longest) = (ends(APPLIED), ends(Stopping { steps: 400, tolerance: 0.0 }));
     let left = |(&scale, &least): (&f32, &f32)| f64::from(scale / least) - 1.0;
-    let far = applied.iter().zip(&longest).map(left).filter(|&left| left > APPLIED.tolerance);
-    // A few paths creep along a valley: their steps shrink by less than half.
-    assert!(20 * far.count() < PIXELS);
+    let mut left: Vec<f64> = applied.iter().zip(&longest).map(left).collect();
+    left.sort_by(f64::total_cmp);
+    // Steps that shrink to a third leave an eighth of the last fall: twice that at the median. One path
+    // in ten may creep along a valley, where steps shrink by less than a quarter.
+    assert!(left[PIXELS / 2] < 0.25 * APPLIED.tolerance, "{}", left[PIXELS / 2]);
+    assert!(left[9 * PIXELS / 10] < APPLIED.tolerance, "{}", left[9 * PIXELS / 10]);
 }
 
 type Pass<'a> = &'a dyn Fn(&Passes<'_>, Begin<'_>) -> Result<()>;
