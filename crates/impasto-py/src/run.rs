@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock, TryLockError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 
@@ -50,7 +50,7 @@ pub(crate) fn call<A: Send>(
     check_room::<u8>(ADDRESSES).map_err(|error| errors::to_python(py, &error))?;
     let pool = pool(threads);
     let cancel = AtomicBool::new(false);
-    let tally = Progress::default();
+    let tally = Progress::timed(nanoseconds);
     let mut interruption = None;
     let outcome = py.detach(|| {
         std::thread::scope(|scope| {
@@ -91,6 +91,15 @@ pub(crate) fn call<A: Send>(
         Ok(Err(error)) => Err(errors::to_python(py, &error)),
         Err(panic) => Err(errors::internal(py, panic.as_ref())),
     }
+}
+
+/// Nanoseconds since the first call.
+fn nanoseconds() -> u64 {
+    static BEGIN: OnceLock<Instant> = OnceLock::new();
+    #[allow(clippy::disallowed_methods, reason = "the border is where the clock is read")]
+    let now = Instant::now();
+    let begin = *BEGIN.get_or_init(|| now);
+    u64::try_from(now.saturating_duration_since(begin).as_nanos()).unwrap_or(u64::MAX)
 }
 
 fn heartbeat(progress: Option<&Py<PyAny>>, tally: &Progress) -> PyResult<()> {

@@ -55,6 +55,12 @@ pub struct Progress {
 }
 
 impl Progress {
+    /// With a clock for its passes: the nanoseconds since some moment.
+    #[must_use]
+    pub fn timed(clock: fn() -> u64) -> Self {
+        Self { passes: Passes::timed(clock), ..Self::default() }
+    }
+
     /// Tiles done and tiles known so far.
     #[must_use]
     pub fn get(&self) -> (usize, usize) {
