@@ -95,6 +95,8 @@ def test_the_card_s_renderer_sees_surfaces_and_scenes_alone() -> None:
         ("brdf", {"brdf", "math"}),
         ("geometry.rs", {"error", "math"}),
         ("surface", {"surface", "geometry", "brdf", "math", "pixels", "error"}),
+        ("passes.rs", set()),
+        ("pixels.rs", {"passes", "math", "error"}),
         ("height.rs", {"pixels", "math", "error"}),
         ("radiosity.rs", {"pixels", "error"}),
         ("spectral", {"spectral", "maps", "pixels", "math", "error"}),
@@ -103,7 +105,7 @@ def test_the_card_s_renderer_sees_surfaces_and_scenes_alone() -> None:
         (
             "sbrdf",
             {"sbrdf", "surface", "stack", "maps", "geometry", "brdf", "lm", "pixels", "math"}
-            | {"error"},
+            | {"passes", "error"},
         ),
     ],
 )
