@@ -28,8 +28,9 @@ use super::verdict::{Strength, Strengths};
 /// third from one to the next, an eighth of the last fall is left: with 144 samples an eighth of a deviation.
 pub(super) const APPLIED: Stopping = Stopping { steps: FIRST_STEPS, tolerance: 1e-3 };
 
-/// Not at the normal that faces the viewer: it stands for no error of photometric stereo, and paths
-/// from there end at smaller scales but worse normals.
+/// Not at the normal that faces the viewer, as in the search for the lobe: paths from there end at smaller
+/// scales, but move the mean error of normals by some thousandths of a degree, for better or worse
+/// (`benches/python/pooled_paths.py`).
 const RESTARTS: &[Origin] = &[Origin::Brightest];
 
 /// What a search that stopped early may have left of the squared scale.

@@ -1,10 +1,11 @@
 //! Paths of iteratively reweighted least squares [@holland1977robust], one per lane: a lane whose path
 //! has ended takes the next pixel.
 //!
-//! Weights follow the residuals: the curvature of the scale is a share of that of the weighted sum of
-//! squares, and a Gauss-Newton step under fixed weights is too short by this share. It is known for
-//! normal noise ([`Gaussian::curvature`](super::scale::Gaussian)); steps are relaxed by its reciprocal, the relaxation
-//! factor of Huber [@huber1981robust].
+//! Weights follow the residuals: the curvature of the scale is a share `c` of that of the weighted sum of
+//! squares, and a Gauss-Newton step under fixed weights is too short by it. It is known for normal noise
+//! ([`Gaussian::curvature`](super::scale::Gaussian)), and 1 where outliers are far and all else
+//! agrees. Steps are relaxed [@huber1981robust] by `2 / (1 + c)`, which shortens an error by the same
+//! factor at either end, and by more in between.
 
 use crate::math::lanes::{MAX_LANES, put};
 use crate::math::{Mask, Real, Vec3};

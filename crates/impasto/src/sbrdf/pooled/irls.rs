@@ -181,7 +181,7 @@ impl Irls<'_, '_> {
         let finite = |place: &usize| start.scale[*place].is_finite();
         let finite: Vec<usize> = places.iter().copied().filter(finite).collect();
         let to = &mut ends;
-        let relaxation = gaussian.curvature.recip();
+        let relaxation = 2.0 / (1.0 + gaussian.curvature);
         let paths =
             Paths { samples, pixels: &finite, from: &start, known, to, stopping, relaxation, run };
         lanes.descend::<GLOSS, SLOPES>(pixels, paths).then_some(ends)
