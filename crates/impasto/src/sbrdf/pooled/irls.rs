@@ -112,6 +112,10 @@ impl Kernel for Irls<'_, '_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> LobeEquations {
+        // A tile of which no pixel is estimated.
+        if self.tile.count == 0 {
+            return LobeEquations::zero();
+        }
         let pixels = &mut Pixels::<I::F32>::new(self.photographs, self.lobe);
         let lanes = &mut Lanes::new(self.photographs.bands, self.photographs.pairs.len());
         match self.ends(pixels, lanes) {
