@@ -10,7 +10,6 @@ use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 use crate::stack::{Decode, Stack};
 use crate::surface::{Pairs, TorranceSparrow};
 
-use super::descent::{Origin, Stopping};
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::joint::FIRST_STEPS;
 use super::learned::PooledLobe;
@@ -22,16 +21,6 @@ use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, State};
 use super::scale::Gaussian;
 use super::verdict::{Strength, Strengths};
-
-/// Where a pixel's path ends. The squared distance from the minimum in standard deviations is about the
-/// number of samples times the share by which the squared scale is still to fall. Where steps shrink to a
-/// third from one to the next, an eighth of the last fall is left: with 144 samples an eighth of a deviation.
-pub(super) const APPLIED: Stopping = Stopping { steps: FIRST_STEPS, tolerance: 1e-3 };
-
-/// Not at the normal that faces the viewer, as in the search for the lobe: paths from there end at smaller
-/// scales, but move the mean error of normals by some thousandths of a degree, for better or worse
-/// (`benches/python/pooled_paths.py`).
-const RESTARTS: &[Origin] = &[Origin::Brightest];
 
 /// What a search that stopped early may have left of the squared scale.
 const LEFT: f32 = 1.001;
@@ -65,16 +54,12 @@ pub fn apply(
     let brightness = lobe.brightness / f64::from(unit);
     let scale_reference = ScaleReference { brightness, noise_floor: lobe.noise_floor };
     let application = Application {
-        passes: Passes {
-            photographs,
-            run,
-            scale_reference,
-            gaussian: Gaussian::of(photographs.bands),
-        },
+        passes: Passes { photographs, run, scale_reference },
         begin: begin(start, unit),
         lobe: CommonLobe { beta: lobe.beta / f64::from(unit), log_sharpness: lobe.log_sharpness },
         refined: lobe.refined,
         unit,
+        gaussian: Gaussian::of(photographs.bands),
     };
     let beta = application.lobe.beta as f32;
     run.for_each(
@@ -142,6 +127,7 @@ pub(super) struct Application<'a> {
     pub(super) lobe: CommonLobe,
     pub(super) refined: bool,
     pub(super) unit: f32,
+    pub(super) gaussian: Gaussian,
 }
 
 /// Memory of one worker.
@@ -207,7 +193,7 @@ impl Application<'_> {
         out: &mut PooledMapsTile<'_>,
         mut misfit: impl FnMut(usize, Strength) -> f32,
     ) -> [LobeEquations; 2] {
-        let Passes { photographs, run, gaussian, .. } = self.passes;
+        let Passes { photographs, run, .. } = self.passes;
         let PooledScratch { reader, state, plain, matte, measured, neighbours } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
@@ -215,10 +201,10 @@ impl Application<'_> {
         let mut equations = [LobeEquations::zero(); 2];
         if self.refined {
             let flat = CommonLobe { beta: 0.0, ..self.lobe };
-            equations[0] = self.irls(reader, state, flat, &[]);
+            equations[0] = self.irls(reader, state, flat, false);
             plain.copy_from_slice(&state.scale);
             matte.copy_from(state);
-            equations[1] = self.irls(reader, state, self.lobe, RESTARTS);
+            equations[1] = self.irls(reader, state, self.lobe, true);
         }
         let samples = &reader.samples;
         for (place, &pixel) in samples.picks.iter().enumerate().filter(|_| self.refined) {
@@ -235,7 +221,7 @@ impl Application<'_> {
         }
         measured.resize(samples.picks.len());
         let tile = &state.tile(0, samples.picks.len());
-        let lobe = self.lobe;
+        let (lobe, gaussian) = (self.lobe, self.gaussian);
         run.level.run(Measure {
             photographs,
             run,
@@ -278,9 +264,9 @@ impl Application<'_> {
         reader: &Reader,
         state: &mut State,
         lobe: CommonLobe,
-        restarts: &'static [Origin],
+        restart: bool,
     ) -> LobeEquations {
-        let Passes { photographs, run, scale_reference, gaussian } = self.passes;
+        let Passes { photographs, run, scale_reference } = self.passes;
         run.level.run(Irls {
             photographs,
             run,
@@ -288,10 +274,9 @@ impl Application<'_> {
             out: state.first_mut(reader.samples.picks.len()),
             samples: &reader.samples,
             lobe,
-            stopping: APPLIED,
-            restarts,
+            steps: FIRST_STEPS,
+            restart,
             scale_reference,
-            gaussian,
         })
     }
 }

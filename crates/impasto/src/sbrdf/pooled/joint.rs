@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::covariance::{relative, sandwich};
-use super::descent::{Origin, Stopping};
 use super::irls::{LobeEquations, ScaleReference};
 use super::passes::Passes;
 use super::pixel::CommonLobe;
@@ -20,16 +19,6 @@ use super::scale::Gaussian;
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
 pub(super) const FIRST_STEPS: usize = 16;
 const STEPS: usize = 3;
-
-/// What a pixel's squared scale may still fall by: costs of two lobes are compared.
-const TOLERANCE: f64 = 2e-5;
-
-/// The smallest scale counts, wherever it is.
-const RESTARTS: &[Origin] = &[Origin::Facing, Origin::Brightest];
-
-fn stopping(steps: usize) -> Stopping {
-    Stopping { steps, tolerance: TOLERANCE }
-}
 
 /// Steps of the search before normals restart from elsewhere: the lobe is roughly known by then.
 const ROUGH: usize = 3;
@@ -146,11 +135,10 @@ impl<'a> JointSearch<'a> {
         }
     }
 
-    fn visit(&self, lobe: CommonLobe, restarts: &'static [Origin]) -> Result<Normal<f64, 2>> {
+    fn visit(&self, lobe: CommonLobe, restart: bool) -> Result<Normal<f64, 2>> {
         let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
         let place = [lobe.beta, lobe.log_sharpness];
-        let equations =
-            self.passes.irls(&best, &mut trial, lobe, stopping(self.steps.get()), restarts)?;
+        let equations = self.passes.irls(&best, &mut trial, lobe, self.steps.get(), restart)?;
         self.steps.set(STEPS);
         let mut normal = equations.normal(self.passes.scale_reference.brightness);
         let matrix = self.softened(place, &normal);
@@ -219,14 +207,14 @@ impl<'a> JointSearch<'a> {
     fn finish(mut self, place: [f64; 2]) -> Result<JointLobe> {
         let at = |[beta, log_sharpness]: [f64; 2]| CommonLobe { beta, log_sharpness };
         self.steps.set(FIRST_STEPS);
-        self.visit(at(place), RESTARTS)?;
+        self.visit(at(place), true)?;
         let mut outcome = self.minimise(place, SEARCH)?;
         // Without noise every better lobe lowers the noise floor.
         for _ in 0..REFINEMENTS {
             if !self.refine_noise_floor()? {
                 break;
             }
-            self.visit(at(outcome.parameters), &[])?;
+            self.visit(at(outcome.parameters), false)?;
             outcome = self.minimise(outcome.parameters, SEARCH)?;
         }
         Ok(JointLobe {
@@ -253,7 +241,7 @@ impl Problem<f64, 2> for JointSearch<'_> {
         if self.failure.borrow().is_some() {
             return lost;
         }
-        self.visit(CommonLobe { beta, log_sharpness }, &[]).unwrap_or_else(|error| {
+        self.visit(CommonLobe { beta, log_sharpness }, false).unwrap_or_else(|error| {
             self.failure.replace(Some(error));
             lost
         })
@@ -263,11 +251,11 @@ impl Problem<f64, 2> for JointSearch<'_> {
 /// Finds the lobe of smallest cost, normals and colours following.
 ///
 /// Two searches; between them every pixel tries other normals
-/// ([`Irls::restarts`](super::irls::Irls)).
+/// ([`Irls::restart`](super::irls::Irls)).
 pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> Result<JointLobe> {
     let mut trial = state.copied(passes.run)?;
     let flat = CommonLobe { beta: 0.0, ..lobe };
-    passes.irls(&state, &mut trial, flat, stopping(FIRST_STEPS), &[])?;
+    passes.irls(&state, &mut trial, flat, FIRST_STEPS, false)?;
     let passes = passes.with_noise_floor(noise_floor(&passes, &trial)?);
     let mut search = JointSearch::new(passes, [state, trial], lobe, Vec::new());
     // Outliers decide a sum of squares of all samples (hard case 31); the robust cost says which of
@@ -278,7 +266,7 @@ pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> R
     };
     for lobe in [lobe, satin] {
         search.steps.set(FIRST_STEPS);
-        search.visit(lobe, &[])?;
+        search.visit(lobe, false)?;
     }
     let rough = Options { max_iterations: ROUGH, ..SEARCH };
     let place = search.minimise(search.last.get().0, rough)?.parameters;

@@ -93,8 +93,7 @@ pub fn fit(
     let photographs = &photographs(stack, rig, start, pairs, options.coated && options.joint);
     let scale_reference =
         ScaleReference { brightness: brightness / f64::from(unit), noise_floor: 0.0 };
-    let gaussian = Gaussian::of(photographs.bands);
-    let passes = Passes { photographs, run, scale_reference, gaussian };
+    let passes = Passes { photographs, run, scale_reference };
     let begin = begin(start, unit);
     let estimate = passes.estimate(begin, options)?;
     let passes = Passes { scale_reference: estimate.scale_reference, ..passes };
@@ -189,7 +188,7 @@ impl Passes<'_> {
 
     /// The lobe that the joint search found.
     fn joint(&self, found: JointLobe) -> Estimate {
-        let (covariance, open) = found.covariance(self.gaussian);
+        let (covariance, open) = found.covariance(Gaussian::of(self.photographs.bands));
         let JointLobe { lobe, path, converged, scale_reference, .. } = found;
         let histogram = None;
         let joint = true;
@@ -216,6 +215,7 @@ impl Passes<'_> {
             lobe: estimate.shown(),
             refined,
             unit,
+            gaussian: Gaussian::of(self.photographs.bands),
         };
         let [without, with] = application.whole(out, &mut strengths)?;
         let cost = |all: &LobeEquations| all.normal(self.scale_reference.brightness).cost;

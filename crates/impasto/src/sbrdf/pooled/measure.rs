@@ -6,6 +6,7 @@ use crate::math::{Kernel, Real};
 use crate::pixels::Run;
 use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 
+use super::irls::eliminate_tilts;
 use super::normal_covariance::NormalErrors;
 use super::pixel::{CommonLobe, Pixels};
 use super::samples::{Photographs, PooledTile, Samples};
@@ -62,7 +63,7 @@ impl Kernel for Measure<'_, '_> {
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
-            pixels.look(&samples.rows(), at);
+            pixels.look(samples, at);
             for (band, colour) in colours.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);
             }
@@ -102,7 +103,7 @@ impl Kernel for Measure<'_, '_> {
             // One Gauss-Newton step of the pixel's own beta. A highlight that the painting's lobe
             // does not describe would be an outlier; here it keeps its weight.
             let sums = pixels.equations::<4>(normal, &colours, endless, &mut pulls);
-            let own = sums.reduced(&colours, &pulls).without_tilts();
+            let own = eliminate_tilts(&sums.reduced(&colours, &pulls));
             let information = own.matrix[0];
             let determined = information.gt(zero);
             let apart = I::F32::keep(determined, own.descent[0] / information);

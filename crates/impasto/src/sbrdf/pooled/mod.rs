@@ -20,7 +20,6 @@
 
 mod apply;
 mod covariance;
-mod descent;
 mod extract;
 pub mod histogram;
 mod irls;

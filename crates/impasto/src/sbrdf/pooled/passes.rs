@@ -3,14 +3,12 @@
 use crate::error::Result;
 use crate::pixels::{Run, check_room, tiles};
 
-use super::descent::{Origin, Stopping};
 use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
 use super::irls::{Irls, LobeEquations, ScaleReference};
 use super::outliers::{Limits, Sizes};
 use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, Samples, State};
-use super::scale::Gaussian;
 
 /// Tiles that show how large samples are, about.
 const SOME_TILES: usize = 16;
@@ -24,7 +22,6 @@ pub(super) struct Passes<'a> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) scale_reference: ScaleReference,
-    pub(super) gaussian: Gaussian,
 }
 
 impl Passes<'_> {
@@ -85,10 +82,10 @@ impl Passes<'_> {
         from: &State,
         to: &mut State,
         lobe: CommonLobe,
-        stopping: Stopping,
-        restarts: &'static [Origin],
+        steps: usize,
+        restart: bool,
     ) -> Result<LobeEquations> {
-        let Self { photographs, run, scale_reference, gaussian } = *self;
+        let Self { photographs, run, scale_reference } = *self;
         let level = run.level;
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
         let parts = run.map(
@@ -104,10 +101,9 @@ impl Passes<'_> {
                     out,
                     samples,
                     lobe,
-                    stopping,
-                    restarts,
+                    steps,
+                    restart,
                     scale_reference,
-                    gaussian,
                 })
             },
         )?;

@@ -94,7 +94,7 @@ pub(super) struct Begin<'a> {
 }
 
 /// Normal, colours, and squared scale of the residuals of every pixel.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct State {
     /// `(3, pixel)`.
     pub(super) normal: Vec<f32>,
@@ -110,15 +110,6 @@ impl State {
             normal: vec![0.0; 3 * pixels],
             diffuse: vec![0.0; bands * pixels],
             scale: vec![f32::NAN; pixels],
-        }
-    }
-
-    /// A tile's, without a scale.
-    pub(super) fn of_tile(tile: &PooledTile<'_>) -> Self {
-        Self {
-            normal: tile.normal.concat(),
-            diffuse: tile.diffuse.concat(),
-            scale: vec![f32::NAN; tile.count],
         }
     }
 
@@ -167,27 +158,6 @@ impl State {
         }
     }
 
-    /// Plane `axis` of the normals.
-    #[inline(always)]
-    pub(super) fn normal_plane(&self, axis: usize) -> &[f32] {
-        plane(&self.normal, self.scale.len(), axis)
-    }
-
-    #[inline(always)]
-    pub(super) fn normal_plane_mut(&mut self, axis: usize) -> &mut [f32] {
-        plane_mut(&mut self.normal, self.scale.len(), axis)
-    }
-
-    #[inline(always)]
-    pub(super) fn diffuse_plane(&self, band: usize) -> &[f32] {
-        plane(&self.diffuse, self.scale.len(), band)
-    }
-
-    #[inline(always)]
-    pub(super) fn diffuse_plane_mut(&mut self, band: usize) -> &mut [f32] {
-        plane_mut(&mut self.diffuse, self.scale.len(), band)
-    }
-
     /// `count` pixels from `start` on, to read.
     pub(super) fn tile<'a>(&'a self, start: usize, count: usize) -> PooledTile<'a> {
         let pixels = self.scale.len();
@@ -222,16 +192,6 @@ impl State {
     }
 }
 
-#[inline(always)]
-fn plane(map: &[f32], pixels: usize, plane: usize) -> &[f32] {
-    &map[plane * pixels..(plane + 1) * pixels]
-}
-
-#[inline(always)]
-fn plane_mut(map: &mut [f32], pixels: usize, plane: usize) -> &mut [f32] {
-    &mut map[plane * pixels..(plane + 1) * pixels]
-}
-
 /// The first `count` pixels of every plane.
 fn firsts(map: &mut [f32], pixels: usize, count: usize) -> Vec<&mut [f32]> {
     map.chunks_mut(pixels).map(|plane| &mut plane[..count]).collect()
@@ -257,14 +217,6 @@ impl PooledTile<'_> {
     #[inline(always)]
     pub(super) fn normal_at<R: Real<Scalar = f32>>(&self, at: usize) -> Vec3<R> {
         Vec3::new(load(self.normal[0], at), load(self.normal[1], at), load(self.normal[2], at))
-    }
-
-    #[inline(always)]
-    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
-    pub(super) fn colours_at<R: Real<Scalar = f32>>(&self, at: usize, colours: &mut [R]) {
-        for band in 0..colours.len() {
-            colours[band] = load(self.diffuse[band], at);
-        }
     }
 }
 
@@ -312,17 +264,6 @@ pub(super) struct Samples {
     pub(super) y: Vec<f32>,
     /// Which pixels of the tile these are.
     pub(super) picks: Vec<usize>,
-}
-
-/// Planes of samples, and where their pixels lie, to load registers from.
-#[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
-    /// `(obs, band, pixel)`, `stride` apart.
-    pub(super) planes: &'a [f32],
-    pub(super) stride: usize,
-    /// Coordinates in mm.
-    pub(super) x: &'a [f32],
-    pub(super) y: &'a [f32],
 }
 
 /// Reads tiles.
@@ -376,10 +317,6 @@ impl Samples {
             y: vec![0.0; TILE],
             picks: Vec::with_capacity(TILE),
         }
-    }
-
-    pub(super) fn rows(&self) -> Rows<'_> {
-        Rows { planes: &self.planes, stride: TILE, x: &self.x, y: &self.y }
     }
 
     /// Decodes the estimated pixels of the `count` from `start` on.

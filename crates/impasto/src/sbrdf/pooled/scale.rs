@@ -121,11 +121,7 @@ impl Gaussian {
 #[inline(always)]
 pub(super) fn count<R: Real>(masks: &[R::Mask]) -> R {
     debug_assert!(masks.len() < 1 << 24, "f32 counts no further");
-    let mut sum = R::zero();
-    for &mask in masks {
-        sum = sum + R::keep(mask, R::one());
-    }
-    sum
+    masks.iter().fold(R::zero(), |sum, &mask| sum + R::keep(mask, R::one()))
 }
 
 #[cfg(test)]
