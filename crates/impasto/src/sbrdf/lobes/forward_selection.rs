@@ -294,7 +294,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
     }
 
     /// Counts passes; without a prior, they are for what is learned.
-    fn count(&self, purpose: Purpose, work: impl FnOnce() -> [u64; 2]) {
+    pub(super) fn count(&self, purpose: Purpose, work: impl FnOnce() -> [u64; 2]) {
         let purpose = if self.prior.is_some() { purpose } else { Purpose::Learning };
         self.run.progress.passes.count(purpose, work);
     }

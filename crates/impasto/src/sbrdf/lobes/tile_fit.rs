@@ -164,7 +164,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     /// Rounds of one step each.
     fn fused_rounds(&self, tile: &mut LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
         let passes = (self.options.rounds * tile.pixels.len()) as u64;
-        self.count(Purpose::AllBands, || {
+        self.selection().count(Purpose::AllBands, || {
             FusedRounds {
                 photographs: self.photographs,
                 x: &tile.x,
@@ -304,7 +304,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         for lobes in 0..=self.options.lobes {
             let with = |&pixel: &usize| starts[pixel].lobes == lobes;
             let pixels: Vec<usize> = fitted.iter().copied().filter(with).collect();
-            self.count(Purpose::AllBands, || {
+            self.selection().count(Purpose::AllBands, || {
                 Search {
                     photographs: self.photographs,
                     samples: &tile.colour,
@@ -342,7 +342,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
 
     fn reweight(&self, tile: &mut LobeFitTile, solution: &mut Solution, renew: bool) {
         let pixels = tile.pixels.len() as u64;
-        self.count(Purpose::Weights, || {
+        self.selection().count(Purpose::Weights, || {
             Reweight {
                 photographs: self.photographs,
                 x: &tile.x,
@@ -360,12 +360,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         });
     }
 
-    /// Counts passes; without a prior, they are for what is learned.
-    fn count(&self, purpose: Purpose, work: impl FnOnce() -> [u64; 2]) {
-        let purpose = if self.prior.is_some() { purpose } else { Purpose::Learning };
-        self.run.progress.passes.count(purpose, work);
-    }
-
     /// Adds what the model does not describe to the errors of fitted normals.
     pub(super) fn predict_errors(&self, scratch: &mut LobeScratch) {
         if !self.options.normal {
@@ -373,7 +367,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         }
         let LobeScratch { tile, solution } = scratch;
         let pixels = tile.pixels.len() as u64;
-        self.count(Purpose::Errors, || {
+        self.selection().count(Purpose::Errors, || {
             Jackknife {
                 photographs: self.photographs,
                 x: &tile.x,
