@@ -18,6 +18,7 @@ import impasto._internal.waiting as waiting
 from circumstances import capture
 from impasto._internal.waiting import floats, wait_for
 from processes import run as run_program
+from test_io_stack import save
 
 PATIENCE = 60.0
 """Seconds that nothing here takes: after them a test fails instead of waiting for ever."""
@@ -173,19 +174,14 @@ def test_what_is_done_to_labels_and_maps_is_waited_for(waited: list[str]) -> Non
     assert [segment.own for segment in found.segments].count(True) > 0
 
 
-EACH = ("open_picture", "develop")
+EACH = ("open_picture", "read_region_into", "develop")
 """What is done to each photograph."""
-
-FIRST = ("read_region", "copyto")
-"""What is done to the first, whose size is that of all; the others are read where they belong."""
 
 
 def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, data: Path) -> None:
     stack = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb", region=(0, 0, 8, 8))
     count = len(stack.rig)
-    assert [waited.count(step) for step in EACH] == [count, count]
-    assert [waited.count(step) for step in FIRST] == [1, 1]
-    assert waited.count("read_region_into") == count - 1
+    assert [waited.count(step) for step in EACH] == [count, count, count]
     waited.clear()
     stack.take([0, 2, 5, 9])
     stereo = impasto.fit_normals(impasto.Stack(stack.samples.astype(np.float64), lights=stack.rig))
@@ -194,3 +190,21 @@ def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, 
     impasto.fit_sbrdf(stack, normals=stereo, joint=False).save(tmp_path / "fit.npz")
     # The file, then its name.
     assert waited == ["fsync", "fsync"]
+
+
+def test_what_is_done_to_files_of_a_filter_wheel_is_waited_for(
+    waited: list[str], tmp_path: Path
+) -> None:
+    """Only the files of the first photograph tell its bands: they are decoded, then copied."""
+    bands = ("420", "590")
+    for name in ("a", "b", "c"):
+        for band in bands:
+            save(tmp_path / f"{name}_{band}.tif", np.ones((1, 4, 4), np.uint16))
+    lights = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]])
+    impasto.read_stack(tmp_path, lights=lights, pattern="{name}_{band}.tif", encoding="linear")
+    count = 3 * len(bands)
+    first = len(bands)
+    assert waited.count("open_picture") == count
+    assert waited.count("read_region") == first
+    assert waited.count("copyto") == 1
+    assert waited.count("read_region_into") == count - first
