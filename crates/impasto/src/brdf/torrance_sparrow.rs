@@ -22,7 +22,7 @@
 //! views where `G` and `N.V` both vanish.
 
 use crate::math::elementary::{exp, phi_squared, phi_squared_slope};
-use crate::math::{Real, Scalar, Vec3};
+use crate::math::{Mask, Real, Scalar, Vec3};
 
 /// Narrowest lobe: hard case 6, a mirror-like varnish, whose `k` would overflow.
 pub const GAMMA_MIN: f64 = 5e-4;
@@ -157,17 +157,22 @@ impl<R: Real> Facet<R> {
         let shadowed = masked * n_l * open;
         // d log(G / N.V) / dN of each branch, as multiples of V, H and L.
         let open_wins = open.le(masked) & open.le(shadowed);
-        let shadow_wins = shadowed.lt(masked) & shadowed.lt(open);
-        let along_half = R::select(open_wins, R::zero(), n_h.recip());
-        let along_light = R::keep(shadow_wins, n_l.recip());
-        let along_view = R::keep(open_wins | shadow_wins, -open);
         let slope =
             -(sharpness * phi_squared_slope((normal - self.half).length_squared() * R::of(0.5)));
         // d phi^2 / dN = slope(e) (N - H), up to a multiple of N that the tangent plane drops.
-        let direction = (normal - self.half).scale(slope);
-        let direction = self.half.mul_add(along_half, direction);
-        let direction = self.light.mul_add(along_light, direction);
-        let direction = self.view.mul_add(along_view, direction);
+        let mut direction = (normal - self.half).scale(slope);
+        if open_wins.all() {
+            // Nothing is masked or shadowed: two divisions less, and the same bits.
+            direction = self.view.mul_add(-open, direction);
+        } else {
+            let shadow_wins = shadowed.lt(masked) & shadowed.lt(open);
+            let along_half = R::select(open_wins, R::zero(), n_h.recip());
+            let along_light = R::keep(shadow_wins, n_l.recip());
+            let along_view = R::keep(open_wins | shadow_wins, -open);
+            direction = self.half.mul_add(along_half, direction);
+            direction = self.light.mul_add(along_light, direction);
+            direction = self.view.mul_add(along_view, direction);
+        }
         // The selection keeps the infinities of unlit lanes out (hard case 26).
         let lit = value.gt(R::zero());
         let component = |v: R| R::keep(lit, v * value);

@@ -10,9 +10,11 @@ use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 use crate::stack::{Decode, Stack};
 use crate::surface::{Pairs, TorranceSparrow};
 
-use super::irls::{Irls, LobeEquations, ScaleReference};
+use super::descent::Stopping;
+use super::irls::Irls;
 use super::joint::FIRST_STEPS;
 use super::learned::PooledLobe;
+use super::lobe_equations::{Cost, ScaleReference};
 use super::maps::{PooledMapsMut, PooledMapsTile};
 use super::measure::{Measure, Measured};
 use super::outliers::CLASSES;
@@ -21,6 +23,11 @@ use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, State};
 use super::scale::Gaussian;
 use super::verdict::{Strength, Strengths};
+
+/// Where a pixel's path ends. The squared distance from the minimum in standard deviations is about the
+/// number of samples times the share by which the squared scale is still to fall. Where steps shrink to a
+/// third from one to the next, an eighth of the last fall is left: with 144 samples a twentieth of a deviation.
+pub(super) const APPLIED: Stopping = Stopping { steps: FIRST_STEPS, tolerance: 1e-4 };
 
 /// What a search that stopped early may have left of the squared scale.
 const LEFT: f32 = 1.001;
@@ -54,12 +61,16 @@ pub fn apply(
     let brightness = lobe.brightness / f64::from(unit);
     let scale_reference = ScaleReference { brightness, noise_floor: lobe.noise_floor };
     let application = Application {
-        passes: Passes { photographs, run, scale_reference },
+        passes: Passes {
+            photographs,
+            run,
+            scale_reference,
+            gaussian: Gaussian::of(photographs.bands),
+        },
         begin: begin(start, unit),
         lobe: CommonLobe { beta: lobe.beta / f64::from(unit), log_sharpness: lobe.log_sharpness },
         refined: lobe.refined,
         unit,
-        gaussian: Gaussian::of(photographs.bands),
     };
     let beta = application.lobe.beta as f32;
     run.for_each(
@@ -127,7 +138,6 @@ pub(super) struct Application<'a> {
     pub(super) lobe: CommonLobe,
     pub(super) refined: bool,
     pub(super) unit: f32,
-    pub(super) gaussian: Gaussian,
 }
 
 /// Memory of one worker.
@@ -157,12 +167,12 @@ impl PooledScratch {
 
 impl Application<'_> {
     /// Fills the maps of all pixels but `misfit`, and the strengths of single pixels; returns the
-    /// lobe's equations without and with it, if pixels are refined.
+    /// cost without and with the lobe, if pixels are refined.
     pub(super) fn whole(
         &self,
         out: &mut PooledMapsMut<'_>,
         strengths: &mut Strengths,
-    ) -> Result<[LobeEquations; 2]> {
+    ) -> Result<[Cost; 2]> {
         let photographs = self.passes.photographs;
         let jobs = tiles(photographs.pixels()).into_iter().zip(out.tiles()).zip(strengths.tiles());
         let parts = self.passes.run.map(
@@ -176,10 +186,10 @@ impl Application<'_> {
                 })
             },
         )?;
-        let mut sums = [LobeEquations::zero(); 2];
+        let mut sums = [Cost::default(); 2];
         for part in &parts {
             for (sum, part) in sums.iter_mut().zip(part) {
-                sum.merge(part);
+                sum.merge(*part);
             }
         }
         Ok(sums)
@@ -192,19 +202,19 @@ impl Application<'_> {
         (start, count): (usize, usize),
         out: &mut PooledMapsTile<'_>,
         mut misfit: impl FnMut(usize, Strength) -> f32,
-    ) -> [LobeEquations; 2] {
-        let Passes { photographs, run, .. } = self.passes;
+    ) -> [Cost; 2] {
+        let Passes { photographs, run, scale_reference, gaussian } = self.passes;
         let PooledScratch { reader, state, plain, matte, measured, neighbours } = scratch;
         reader.read(photographs, self.begin, [start, count], run.level);
         out.begin(self.begin, &photographs.status[start..start + count], start);
         state.copy_from(&reader.begin);
-        let mut equations = [LobeEquations::zero(); 2];
+        let mut costs = [Cost::default(); 2];
         if self.refined {
             let flat = CommonLobe { beta: 0.0, ..self.lobe };
-            equations[0] = self.irls(reader, state, flat, false);
+            self.irls(reader, state, flat, false);
             plain.copy_from_slice(&state.scale);
             matte.copy_from(state);
-            equations[1] = self.irls(reader, state, self.lobe, true);
+            self.irls(reader, state, self.lobe, true);
         }
         let samples = &reader.samples;
         for (place, &pixel) in samples.picks.iter().enumerate().filter(|_| self.refined) {
@@ -221,7 +231,7 @@ impl Application<'_> {
         }
         measured.resize(samples.picks.len());
         let tile = &state.tile(0, samples.picks.len());
-        let (lobe, gaussian) = (self.lobe, self.gaussian);
+        let lobe = self.lobe;
         run.level.run(Measure {
             photographs,
             run,
@@ -233,6 +243,13 @@ impl Application<'_> {
             neighbours,
         });
         for (place, &pixel) in samples.picks.iter().enumerate() {
+            let used = f64::from(measured.used[place]);
+            for (sum, scales) in costs.iter_mut().zip([&*plain, &state.scale]) {
+                let scale = f64::from(scales[place]);
+                if let Some(cost) = Cost::of(scale, used, photographs.bands, scale_reference) {
+                    sum.merge(cost);
+                }
+            }
             let residual = measured.residual[place];
             // Too few of the samples have finite squares: the pixel has no residual.
             if !residual.is_finite() && out.status[pixel] != Status::Exact.code() {
@@ -255,29 +272,24 @@ impl Application<'_> {
             };
             out.misfit[pixel] = misfit(pixel, strength);
         }
-        equations
+        costs
     }
 
     /// Every estimated pixel of a tile from where it begins.
-    fn irls(
-        &self,
-        reader: &Reader,
-        state: &mut State,
-        lobe: CommonLobe,
-        restart: bool,
-    ) -> LobeEquations {
-        let Passes { photographs, run, scale_reference } = self.passes;
+    fn irls(&self, reader: &Reader, state: &mut State, lobe: CommonLobe, restart: bool) {
+        let Passes { photographs, run, scale_reference, gaussian } = self.passes;
         run.level.run(Irls {
             photographs,
             run,
             tile: &reader.tile(),
-            out: state.first_mut(reader.samples.picks.len()),
+            out: &mut state.first_mut(reader.samples.picks.len()),
             samples: &reader.samples,
             lobe,
-            steps: FIRST_STEPS,
+            stopping: APPLIED,
             restart,
-            scale_reference,
-        })
+            noise_floor: scale_reference.noise_floor,
+            gaussian,
+        });
     }
 }
 

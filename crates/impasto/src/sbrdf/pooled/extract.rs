@@ -3,11 +3,11 @@
 use crate::brdf::lambert;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Real};
-use crate::pixels::{Run, TILE};
+use crate::pixels::Run;
 
 use super::histogram::Histogram;
 use super::outliers::{Limits, Sizes};
-use super::samples::{Photographs, PooledTile, Samples};
+use super::samples::{Photographs, PooledTile, STRIDE, Samples};
 use crate::math::lanes::MAX_LANES;
 use crate::math::tail::load;
 
@@ -93,7 +93,7 @@ impl<S: Sink> Kernel for Extract<'_, '_, '_, S> {
                 let glint = facet.on(normal);
                 let mut sample = zero;
                 for band in 0..bands {
-                    let plane = &samples.planes[(i * bands + band) * TILE..];
+                    let plane = &samples.planes[(i * bands + band) * STRIDE..];
                     sample = sample + load::<I::F32>(plane, at);
                 }
                 let sample = sample * share;

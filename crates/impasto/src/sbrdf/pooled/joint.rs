@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::lm::{self, Normal, Options, Outcome, Problem};
 
 use super::covariance::{relative, sandwich};
-use super::irls::{LobeEquations, ScaleReference};
+use super::descent::Stopping;
+use super::lobe_equations::{LobeEquations, ScaleReference};
 use super::passes::Passes;
 use super::pixel::CommonLobe;
 use super::samples::State;
@@ -19,6 +20,13 @@ use super::scale::Gaussian;
 /// Steps of a pixel from the normals of photometric stereo, and between two places of the lobe.
 pub(super) const FIRST_STEPS: usize = 16;
 const STEPS: usize = 3;
+
+/// The share by which a pixel's last step may change its squared scale: costs of two lobes are compared.
+const TOLERANCE: f64 = 2e-5;
+
+fn stopping(steps: usize) -> Stopping {
+    Stopping { steps, tolerance: TOLERANCE }
+}
 
 /// Steps of the search before normals restart from elsewhere: the lobe is roughly known by then.
 const ROUGH: usize = 3;
@@ -126,7 +134,7 @@ impl<'a> JointSearch<'a> {
             passes,
             best: RefCell::new(state),
             trial: RefCell::new(trial),
-            equations: Cell::new(LobeEquations::zero()),
+            equations: Cell::new(LobeEquations::default()),
             least: Cell::new(f64::INFINITY),
             last: Cell::new(([lobe.beta, lobe.log_sharpness], Normal::zero())),
             steps: Cell::new(FIRST_STEPS),
@@ -138,7 +146,8 @@ impl<'a> JointSearch<'a> {
     fn visit(&self, lobe: CommonLobe, restart: bool) -> Result<Normal<f64, 2>> {
         let (mut best, mut trial) = (self.best.borrow_mut(), self.trial.borrow_mut());
         let place = [lobe.beta, lobe.log_sharpness];
-        let equations = self.passes.irls(&best, &mut trial, lobe, self.steps.get(), restart)?;
+        let equations =
+            self.passes.irls(&best, &mut trial, lobe, stopping(self.steps.get()), restart)?;
         self.steps.set(STEPS);
         let mut normal = equations.normal(self.passes.scale_reference.brightness);
         let matrix = self.softened(place, &normal);
@@ -255,7 +264,7 @@ impl Problem<f64, 2> for JointSearch<'_> {
 pub(super) fn find_lobe(passes: Passes<'_>, state: State, lobe: CommonLobe) -> Result<JointLobe> {
     let mut trial = state.copied(passes.run)?;
     let flat = CommonLobe { beta: 0.0, ..lobe };
-    passes.irls(&state, &mut trial, flat, FIRST_STEPS, false)?;
+    passes.irls(&state, &mut trial, flat, stopping(FIRST_STEPS), false)?;
     let passes = passes.with_noise_floor(noise_floor(&passes, &trial)?);
     let mut search = JointSearch::new(passes, [state, trial], lobe, Vec::new());
     // Outliers decide a sum of squares of all samples (hard case 31); the robust cost says which of

@@ -12,9 +12,9 @@ use super::apply::{Application, begin, check, in_unit, photographs, unit_of};
 use super::covariance::relative;
 use super::extract::Extraction;
 use super::histogram::Histogram;
-use super::irls::{LobeEquations, ScaleReference};
 use super::joint::{JointLobe, shows_highlight};
 use super::learned::{LearnedLobe, PooledLobe};
+use super::lobe_equations::{Cost, ScaleReference};
 use super::maps::PooledMapsMut;
 use super::outliers::Counts;
 use super::passes::Passes;
@@ -93,7 +93,8 @@ pub fn fit(
     let photographs = &photographs(stack, rig, start, pairs, options.coated && options.joint);
     let scale_reference =
         ScaleReference { brightness: brightness / f64::from(unit), noise_floor: 0.0 };
-    let passes = Passes { photographs, run, scale_reference };
+    let gaussian = Gaussian::of(photographs.bands);
+    let passes = Passes { photographs, run, scale_reference, gaussian };
     let begin = begin(start, unit);
     let estimate = passes.estimate(begin, options)?;
     let passes = Passes { scale_reference: estimate.scale_reference, ..passes };
@@ -188,7 +189,7 @@ impl Passes<'_> {
 
     /// The lobe that the joint search found.
     fn joint(&self, found: JointLobe) -> Estimate {
-        let (covariance, open) = found.covariance(Gaussian::of(self.photographs.bands));
+        let (covariance, open) = found.covariance(self.gaussian);
         let JointLobe { lobe, path, converged, scale_reference, .. } = found;
         let histogram = None;
         let joint = true;
@@ -215,11 +216,10 @@ impl Passes<'_> {
             lobe: estimate.shown(),
             refined,
             unit,
-            gaussian: Gaussian::of(self.photographs.bands),
         };
         let [without, with] = application.whole(out, &mut strengths)?;
-        let cost = |all: &LobeEquations| all.normal(self.scale_reference.brightness).cost;
-        if application.refined && cost(&with) >= cost(&without) {
+        let cost = |all: Cost| all.value(self.scale_reference.brightness);
+        if application.refined && cost(with) >= cost(without) {
             estimate.covariance = None;
             application.lobe = estimate.shown();
             application.refined = false;

@@ -6,7 +6,6 @@ use crate::math::{Kernel, Real};
 use crate::pixels::Run;
 use crate::sbrdf::neighbouring_lights::NeighbouringLights;
 
-use super::irls::eliminate_tilts;
 use super::normal_covariance::NormalErrors;
 use super::pixel::{CommonLobe, Pixels};
 use super::samples::{Photographs, PooledTile, Samples};
@@ -24,12 +23,14 @@ pub(super) struct Measured {
     pub(super) apart: Vec<f32>,
     /// Standard deviation of that step per unit of noise.
     pub(super) doubt: Vec<f32>,
+    /// Photographs that count.
+    pub(super) used: Vec<f32>,
 }
 
 impl Measured {
     pub(super) fn resize(&mut self, count: usize) {
-        let Self { residual, sigma, noise, apart, doubt } = self;
-        for map in [residual, sigma, noise, apart, doubt] {
+        let Self { residual, sigma, noise, apart, doubt, used } = self;
+        for map in [residual, sigma, noise, apart, doubt, used] {
             map.resize(count, 0.0);
         }
     }
@@ -63,12 +64,13 @@ impl Kernel for Measure<'_, '_> {
         let mut at = 0;
         // A tile of hundreds of photographs takes long.
         while at < tile.count && !run.cancelled() {
-            pixels.look(samples, at);
+            pixels.look(&samples.rows(), at);
             for (band, colour) in colours.iter_mut().enumerate() {
                 *colour = load(tile.diffuse[band], at);
             }
             let normal = tile.normal_at::<I::F32>(at);
-            let scale = pixels.visit::<true>(normal, &colours, None);
+            pixels.leave::<true>(normal, &colours);
+            let scale = pixels.scale(pixels.above());
             let sums = pixels.equations::<4>(normal, &colours, scale, &mut pulls);
             let reduced = sums.reduced(&colours, &pulls);
             // Variance of one sample, were the noise normal.
@@ -103,7 +105,7 @@ impl Kernel for Measure<'_, '_> {
             // One Gauss-Newton step of the pixel's own beta. A highlight that the painting's lobe
             // does not describe would be an outlier; here it keeps its weight.
             let sums = pixels.equations::<4>(normal, &colours, endless, &mut pulls);
-            let own = eliminate_tilts(&sums.reduced(&colours, &pulls));
+            let own = sums.reduced(&colours, &pulls).without_tilts();
             let information = own.matrix[0];
             let determined = information.gt(zero);
             let apart = I::F32::keep(determined, own.descent[0] / information);
@@ -114,6 +116,7 @@ impl Kernel for Measure<'_, '_> {
             store(noise.sqrt(), &mut out.noise, at);
             store(apart, &mut out.apart, at);
             store(doubt, &mut out.doubt, at);
+            store(pixels.used, &mut out.used, at);
             at += I::F32::WIDTH;
         }
     }

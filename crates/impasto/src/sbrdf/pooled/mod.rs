@@ -20,12 +20,14 @@
 
 mod apply;
 mod covariance;
+mod descent;
 mod extract;
 pub mod histogram;
 mod irls;
 mod joint;
 mod learn;
 mod learned;
+mod lobe_equations;
 mod maps;
 mod measure;
 mod normal_covariance;

@@ -3,12 +3,15 @@
 use crate::error::Result;
 use crate::pixels::{Run, check_room, tiles};
 
+use super::descent::Stopping;
 use super::extract::{Extract, Extraction, Sink, Tempered};
 use super::histogram::Histogram;
-use super::irls::{Irls, LobeEquations, ScaleReference};
+use super::irls::Irls;
+use super::lobe_equations::{Equate, LobeEquations, ScaleReference};
 use super::outliers::{Limits, Sizes};
 use super::pixel::CommonLobe;
 use super::samples::{Begin, Photographs, Reader, Samples, State};
+use super::scale::Gaussian;
 
 /// Tiles that show how large samples are, about.
 const SOME_TILES: usize = 16;
@@ -22,6 +25,7 @@ pub(super) struct Passes<'a> {
     pub(super) photographs: &'a Photographs<'a>,
     pub(super) run: &'a Run<'a>,
     pub(super) scale_reference: ScaleReference,
+    pub(super) gaussian: Gaussian,
 }
 
 impl Passes<'_> {
@@ -82,32 +86,35 @@ impl Passes<'_> {
         from: &State,
         to: &mut State,
         lobe: CommonLobe,
-        steps: usize,
+        stopping: Stopping,
         restart: bool,
     ) -> Result<LobeEquations> {
-        let Self { photographs, run, scale_reference } = *self;
+        let Self { photographs, run, scale_reference, gaussian } = *self;
         let level = run.level;
         let jobs = tiles(photographs.pixels()).into_iter().zip(to.tiles_mut()).collect();
         let parts = run.map(
             jobs,
             || Samples::new(photographs),
-            |samples, ((start, count), out)| {
+            |samples, ((start, count), mut out)| {
                 samples.read(photographs, [start, count], level);
                 let tile = &from.tile(start, count);
                 level.run(Irls {
                     photographs,
                     run,
                     tile,
-                    out,
+                    out: &mut out,
                     samples,
                     lobe,
-                    steps,
+                    stopping,
                     restart,
-                    scale_reference,
-                })
+                    noise_floor: scale_reference.noise_floor,
+                    gaussian,
+                });
+                let (tile, scales) = (&out.tile(), &*out.scale);
+                level.run(Equate { photographs, run, tile, scales, samples, lobe, scale_reference })
             },
         )?;
-        let mut sum = LobeEquations::zero();
+        let mut sum = LobeEquations::default();
         for part in &parts {
             sum.merge(part);
         }

@@ -10,10 +10,9 @@
 use crate::brdf::torrance_sparrow::{Facet, GAMMA_MAX, GAMMA_MIN, Glint, sharpness};
 use crate::lm::Bounds;
 use crate::math::{Real, Vec3};
-use crate::pixels::TILE;
 
-use super::samples::{Photographs, Samples};
-use super::scale::{count, squared_scale, weight};
+use super::samples::{Photographs, Rows};
+use super::scale::{above, count, squared_scale, weight};
 use crate::math::tail::load;
 
 /// A painting's lobe as the solver sees it.
@@ -44,18 +43,18 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 40) as f64;
 /// still have a scale whose reciprocal is a number.
 const FAINTEST: f32 = 4.0 * f32::MIN_POSITIVE;
 
-/// Squared scales up to this many noise floors are noise: twice those that a quarter of the painting
-/// stays below.
-const NOISE: f64 = 8.0;
-
 /// A photograph with this many times the squared scale, which counts for a twenty-fifth, may be a
 /// highlight that is not explained.
-const FARTHEST: f64 = 4.0;
+pub(super) const FARTHEST: f64 = 4.0;
 
 /// Variance of a photograph's samples in units of the pixel's mean: proportional to their light
 /// (shot noise; errors of a tone curve and of the model grow with it, too), plus this share of the
 /// mean for what noise there is in the dark.
 const DARK_NOISE: f64 = 0.1;
+
+/// Added to the diagonals of the tilts, relative: enough to keep an undetermined direction (coplanar
+/// lights, hard case 19) from moving, too little to slow the others down.
+const RIDGE: f64 = 1e-3;
 
 /// Samples of the pixels in one register, and what the last place predicted of them.
 pub(super) struct Pixels<'a, R: Real> {
@@ -104,28 +103,31 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
 
     /// Takes up the pixels from `at` on.
     #[inline(always)]
-    pub(super) fn look(&mut self, samples: &Samples, at: usize) {
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
+    pub(super) fn look(&mut self, rows: &Rows<'_>, at: usize) {
         let bands = self.photographs.bands;
         let zero = R::zero();
         let (mut peak, mut mean) = (zero, zero);
-        for (i, usable) in self.usable.iter_mut().enumerate() {
+        for i in 0..self.geometry.len() {
             if !self.photographs.pairs.is_distant(i) {
-                let (px, py) = (load(&samples.x, at), load(&samples.y, at));
+                let (px, py) = (load(rows.x, at), load(rows.y, at));
                 self.geometry[i] = self.photographs.pairs.at(i, px, py);
             }
             // Clipped in any band, never taken, or with a square beyond all numbers: weight 0, by
             // selection (hard case 26).
-            *usable = zero.le(zero);
-            let row = i * bands..(i + 1) * bands;
-            for (sample, plane) in self.samples[row.clone()].iter_mut().zip(row.clone()) {
-                *sample = load(&samples.planes[plane * TILE..], at);
-                *usable = *usable & (*sample * *sample).is_finite();
+            let mut usable = zero.le(zero);
+            for plane in i * bands..(i + 1) * bands {
+                let sample: R = load(&rows.planes[plane * rows.stride..], at);
+                self.samples[plane] = sample;
+                usable = usable & (sample * sample).is_finite();
             }
+            self.usable[i] = usable;
             let mut light = zero;
-            for sample in &mut self.samples[row] {
-                *sample = R::keep(*usable, *sample);
+            for plane in i * bands..(i + 1) * bands {
+                let sample = R::keep(usable, self.samples[plane]);
+                self.samples[plane] = sample;
                 peak = peak.max(sample.abs());
-                light = light + *sample;
+                light = light + sample;
             }
             self.precision[i] = light.max(zero);
             mean = mean + self.precision[i];
@@ -134,21 +136,27 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         self.floor = (peak * peak * R::of(ROUNDING)).max(R::splat(FAINTEST));
         let mean = mean / self.used;
         let dark = mean * R::of(DARK_NOISE);
-        for precision in &mut self.precision {
-            *precision = R::keep(mean.gt(zero), mean / (*precision + dark));
+        for i in 0..self.precision.len() {
+            let precision = mean / (self.precision[i] + dark);
+            self.precision[i] = R::keep(mean.gt(zero), precision);
         }
     }
 
     /// The facet that mirrors the brightest photograph into the eye.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn brightest_facet(&self) -> Vec3<R> {
         let zero = R::zero();
         let mut peak = zero;
         let mut facing = Vec3::new(zero, zero, R::one());
-        for (samples, (_, irradiance, facet)) in
-            self.samples.chunks(self.photographs.bands).zip(&self.geometry)
-        {
-            let light = samples.iter().fold(zero, |sum, &sample| sum + sample) / *irradiance;
+        let bands = self.photographs.bands;
+        for i in 0..self.geometry.len() {
+            let (_, irradiance, facet) = &self.geometry[i];
+            let mut light = zero;
+            for plane in i * bands..(i + 1) * bands {
+                light = light + self.samples[plane];
+            }
+            let light = light / *irradiance;
             let brighter = light.gt(peak);
             peak = R::select(brighter, light, peak);
             facing = Vec3::select(brighter, facet.half(), facing);
@@ -156,18 +164,14 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         facing
     }
 
-    /// Residuals at a place; returns the squared scale. Without `GLOSS` under no lobe, whatever the
-    /// painting's.
+    /// Residuals at a place. Without `GLOSS` under no lobe, whatever the painting's.
     #[inline(always)]
-    pub(super) fn visit<const GLOSS: bool>(
-        &mut self,
-        normal: Vec3<R>,
-        colours: &[R],
-        last: Option<R>,
-    ) -> R {
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
+    pub(super) fn leave<const GLOSS: bool>(&mut self, normal: Vec3<R>, colours: &[R]) {
         let bands = self.photographs.bands;
         let share = R::of(1.0 / bands as f64);
-        for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
+        for i in 0..self.geometry.len() {
+            let (towards, irradiance, facet) = &self.geometry[i];
             let cosine = self.photographs.diffuse(normal, *towards, facet) * *irradiance;
             self.seen[i].0 = cosine;
             let mut specular = R::zero();
@@ -179,33 +183,45 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             }
             let usable = self.usable[i];
             let mut square = R::zero();
-            let row = i * bands..(i + 1) * bands;
-            let samples = &self.samples[row.clone()];
-            for ((residual, &sample), &colour) in
-                self.residuals[row].iter_mut().zip(samples).zip(colours)
-            {
-                *residual = R::keep(usable, sample - colour.mul_add(cosine, specular));
-                square = residual.mul_add(*residual, square);
+            for band in 0..bands {
+                let sample = self.samples[i * bands + band];
+                let predicted = colours[band].mul_add(cosine, specular);
+                let residual = R::keep(usable, sample - predicted);
+                self.residuals[i * bands + band] = residual;
+                square = residual.mul_add(residual, square);
             }
             self.squares[i] = square * share * self.precision[i];
         }
-        squared_scale(&self.squares, self.used, self.floor, last)
     }
 
-    /// Whether the last place leaves no more than the noise of the painting, in any photograph: no
-    /// other place then has a reason to be better.
+    /// A squared scale above that of the last place.
     #[inline(always)]
-    pub(super) fn described(&self, scale: R, noise_floor: f64) -> R::Mask {
-        let farthest = self.squares.iter().fold(R::zero(), |most, &square| most.max(square));
-        farthest.lt(scale * R::of(FARTHEST)) & scale.lt(R::of(noise_floor * NOISE))
+    pub(super) fn above(&self) -> R {
+        above(&self.squares, self.used)
     }
 
-    /// The equations of a step from the place of the last [`Self::visit`].
+    /// The squared scale of the last place, from one that is near.
+    #[inline(always)]
+    pub(super) fn scale(&self, near: R) -> R {
+        squared_scale(&self.squares, self.used, self.floor, near)
+    }
+
+    /// The largest square of a photograph at the last place.
+    #[inline(always)]
+    pub(super) fn farthest(&self) -> R {
+        let mut farthest = R::zero();
+        for &square in &self.squares {
+            farthest = farthest.max(square);
+        }
+        farthest
+    }
+
+    /// The equations of a step from the place of the last [`Self::leave`].
     ///
     /// `SLOPES` is how many slopes of the specular part they have: all 4, only 2 of the tilts, or 0
     /// under no lobe.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop, reason = "several arrays share an index")]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn equations<const SLOPES: usize>(
         &self,
         normal: Vec3<R>,
@@ -218,13 +234,14 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let tilt = tangents(normal);
         let mut sums = Equations::zero();
         pulls.fill(zero);
-        for (i, (towards, irradiance, facet)) in self.geometry.iter().enumerate() {
+        for i in 0..self.geometry.len() {
+            let (towards, irradiance, facet) = &self.geometry[i];
             let (cosine, glint, lobe) = self.seen[i];
             let lasting = weight(self.squares[i], scale, self.usable[i]);
             let weight = lasting * self.precision[i];
             let lit = R::keep(cosine.gt(zero), *irradiance);
             let by_normal = self.photographs.diffuse_slope(normal, *towards, facet);
-            let t = tilt.map(|tilt| tilt.dot(by_normal) * lit);
+            let t = [tilt[0].dot(by_normal) * lit, tilt[1].dot(by_normal) * lit];
             let mut g = [zero; 4];
             if SLOPES > 0 {
                 let slope = facet.slope(normal, glint, lobe, self.beta, self.sharpness);
@@ -237,12 +254,11 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
             }
             let heavy = weight * cosine;
             let (mut plain, mut coloured) = (zero, zero);
-            for ((&residual, &colour), pull) in
-                self.residuals[i * bands..].iter().zip(colours).zip(pulls.iter_mut())
-            {
+            for band in 0..bands {
+                let residual = self.residuals[i * bands + band];
                 plain = plain + residual;
-                coloured = colour.mul_add(residual, coloured);
-                *pull = heavy.mul_add(residual, *pull);
+                coloured = colours[band].mul_add(residual, coloured);
+                pulls[band] = heavy.mul_add(residual, pulls[band]);
             }
             sums.own = heavy.mul_add(cosine, sums.own);
             sums.square = lasting.mul_add(self.squares[i], sums.square);
@@ -339,12 +355,14 @@ impl<R: Real> Equations<R> {
 
     /// Eliminates the colours (a Schur complement).
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn reduced(&self, colours: &[R], pulls: &[R]) -> Reduced<R> {
         let zero = R::zero();
         let bands = R::of(colours.len() as f64);
         let inverse = self.inverse();
         let (mut sum, mut squares, mut pull, mut coloured) = (zero, zero, zero, zero);
-        for (&colour, &b) in colours.iter().zip(pulls) {
+        for band in 0..colours.len() {
+            let (colour, b) = (colours[band], pulls[band]);
             sum = sum + colour;
             squares = colour.mul_add(colour, squares);
             pull = pull + b;
@@ -356,15 +374,14 @@ impl<R: Real> Equations<R> {
         for row in 0..4 {
             for column in 0..=row {
                 // What couples two unknowns directly, less what goes through the colours.
-                let through = |a: R, b: R| -(a * b * inverse);
-                let mut gg = self.gg[place];
-                gg = gg + through(self.g[row], self.g[column]);
+                let gg = self.gg[place] - self.g[row] * self.g[column] * inverse;
                 let mut value = bands * gg;
                 if column < 2 {
-                    let mut mixed = self.tg[column][row] + through(t[column], self.g[row]);
+                    let mut mixed = self.tg[column][row] - t[column] * self.g[row] * inverse;
                     if row < 2 {
-                        mixed = mixed + self.tg[row][column] + through(t[row], self.g[column]);
-                        value = squares.mul_add(self.tt[place] + through(t[row], t[column]), value);
+                        mixed = mixed + self.tg[row][column] - t[row] * self.g[column] * inverse;
+                        let tt = self.tt[place] - t[row] * t[column] * inverse;
+                        value = squares.mul_add(tt, value);
                     }
                     value = sum.mul_add(mixed, value);
                 }
@@ -382,12 +399,61 @@ impl<R: Real> Equations<R> {
 
     /// How far each colour follows a tilt.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     pub(super) fn follow(&self, tilt: [R; 2], colours: &[R], pulls: &[R], changes: &mut [R]) {
         let inverse = self.inverse();
         let along_t = self.t[0].mul_add(tilt[0], self.t[1] * tilt[1]);
         let along_g = self.g[0].mul_add(tilt[0], self.g[1] * tilt[1]);
-        for ((change, &colour), &pull) in changes.iter_mut().zip(colours).zip(pulls) {
-            *change = (pull - colour.mul_add(along_t, along_g)) * inverse;
+        for band in 0..colours.len() {
+            let along = colours[band].mul_add(along_t, along_g);
+            changes[band] = (pulls[band] - along) * inverse;
         }
     }
+}
+
+/// A pixel's equations of (beta, log k), colours and normal following.
+pub(super) struct PixelEquations<R> {
+    pub(super) descent: [R; 2],
+    /// beta beta, log k beta, log k log k.
+    pub(super) matrix: [R; 3],
+}
+
+impl<R: Real> Reduced<R> {
+    /// The tilt that solves the equations under a lobe; none for too few samples (hard case 30).
+    #[inline(always)]
+    pub(super) fn tilt(&self) -> [R; 2] {
+        let [xx, xy, yy, ..] = self.matrix;
+        let ridge = R::of(1.0 + RIDGE);
+        solve(xx * ridge, xy, yy * ridge, self.descent[0], self.descent[1])
+    }
+
+    /// Eliminates the tilts.
+    #[inline(always)]
+    pub(super) fn without_tilts(&self) -> PixelEquations<R> {
+        let [xx, xy, yy, bx, by, bb, kx, ky, kb, kk] = self.matrix;
+        let [gx, gy, gb, gk] = self.descent;
+        let ridge = R::of(1.0 + RIDGE);
+        let (rx, ry) = (xx * ridge, yy * ridge);
+        let [b0, b1] = solve(rx, xy, ry, bx, by);
+        let [k0, k1] = solve(rx, xy, ry, kx, ky);
+        PixelEquations {
+            descent: [
+                (-b0).mul_add(gx, (-b1).mul_add(gy, gb)),
+                (-k0).mul_add(gx, (-k1).mul_add(gy, gk)),
+            ],
+            matrix: [
+                (-b0).mul_add(bx, (-b1).mul_add(by, bb)),
+                (-b0).mul_add(kx, (-b1).mul_add(ky, kb)),
+                (-k0).mul_add(kx, (-k1).mul_add(ky, kk)),
+            ],
+        }
+    }
+}
+
+/// Solves a symmetric 2 x 2 system; 0 where it has no inverse.
+#[inline(always)]
+fn solve<R: Real>(xx: R, xy: R, yy: R, a: R, b: R) -> [R; 2] {
+    let determinant = xx.mul_add(yy, -(xy * xy));
+    let inverse = R::keep(determinant.gt(R::zero()), determinant.recip());
+    [yy.mul_add(a, -(xy * b)) * inverse, xx.mul_add(b, -(xy * a)) * inverse]
 }

@@ -10,7 +10,6 @@ use super::joint::{JointLobe, find_lobe, refine_lobe};
 use super::passes::Passes;
 use super::pixel::CommonLobe;
 use super::samples::{Begin, State};
-use super::scale::Gaussian;
 use super::subset::{Subset, estimated_pixels};
 
 /// Pixels of the first search, at least.
@@ -32,7 +31,7 @@ pub(super) fn learn_progressively(
     most: usize,
     lobe: CommonLobe,
 ) -> Result<Option<JointLobe>> {
-    let gaussian = Gaussian::of(passes.photographs.bands);
+    let gaussian = passes.gaussian;
     let all = estimated_pixels(passes.photographs, passes.run)?;
     let mut found: Option<JointLobe> = None;
     for pixels in sizes(most.min(all)) {

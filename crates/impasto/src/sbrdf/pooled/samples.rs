@@ -6,11 +6,16 @@ use crate::brdf::torrance_sparrow::Facet;
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
-use crate::math::tail::{load, store};
-use crate::math::{Isa, Kernel, Level, Mask, Real, Vec3};
+use crate::math::lanes::LINE;
+use crate::math::tail::load;
+use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::{self, Run, TILE};
 use crate::stack::Stack;
 use crate::surface::{Pairs, TorranceSparrow};
+
+/// Samples from one plane to the next: a tile and a line of the cache, for planes a power of two apart
+/// would share the few lines of one of its sets.
+pub(super) const STRIDE: usize = TILE + LINE / size_of::<f32>();
 
 /// What all tiles of a painting share.
 #[derive(Clone, Copy)]
@@ -218,6 +223,14 @@ impl PooledTile<'_> {
     pub(super) fn normal_at<R: Real<Scalar = f32>>(&self, at: usize) -> Vec3<R> {
         Vec3::new(load(self.normal[0], at), load(self.normal[1], at), load(self.normal[2], at))
     }
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
+    pub(super) fn colours_at<R: Real<Scalar = f32>>(&self, at: usize, colours: &mut [R]) {
+        for band in 0..colours.len() {
+            colours[band] = load(self.diffuse[band], at);
+        }
+    }
 }
 
 /// A tile to write.
@@ -228,42 +241,36 @@ pub(super) struct TileMut<'a> {
 }
 
 impl TileMut<'_> {
-    /// Writes the lanes of `fine`; the others keep what they had.
-    #[inline(always)]
-    pub(super) fn write<R: Real<Scalar = f32>>(
-        &mut self,
-        at: usize,
-        normal: Vec3<R>,
-        colours: &[R],
-        scale: R,
-        fine: R::Mask,
-    ) {
-        if !fine.any() {
-            return;
+    /// To read what was written.
+    pub(super) fn tile(&self) -> PooledTile<'_> {
+        PooledTile {
+            count: self.scale.len(),
+            normal: self.normal.iter().map(|plane| &**plane).collect(),
+            diffuse: self.diffuse.iter().map(|plane| &**plane).collect(),
         }
-        let put = |plane: &mut [f32], value: R| {
-            let old: R = load(plane, at);
-            store(R::select(fine, value, old), plane, at);
-        };
-        for (plane, value) in self.normal.iter_mut().zip([normal.x, normal.y, normal.z]) {
-            put(plane, value);
-        }
-        for (plane, &value) in self.diffuse.iter_mut().zip(colours) {
-            put(plane, value);
-        }
-        put(self.scale, scale);
     }
 }
 
 /// The samples of a tile's estimated pixels, side by side.
 pub(super) struct Samples {
-    /// `(obs, band, pixel)`, [`TILE`] apart.
+    /// `(obs, band, pixel)`, [`STRIDE`] apart.
     pub(super) planes: Vec<f32>,
     /// Coordinates in mm.
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
     /// Which pixels of the tile these are.
     pub(super) picks: Vec<usize>,
+}
+
+/// Planes of samples, and where their pixels lie, to load registers from.
+#[derive(Clone, Copy)]
+pub(super) struct Rows<'a> {
+    /// `(obs, band, pixel)`, `stride` apart.
+    pub(super) planes: &'a [f32],
+    pub(super) stride: usize,
+    /// Coordinates in mm.
+    pub(super) x: &'a [f32],
+    pub(super) y: &'a [f32],
 }
 
 /// Reads tiles.
@@ -312,11 +319,15 @@ impl Samples {
     pub(super) fn new(photographs: &Photographs<'_>) -> Self {
         let planes = photographs.bands * photographs.rig.observations();
         Self {
-            planes: vec![0.0; planes * TILE],
+            planes: vec![0.0; planes * STRIDE],
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
             picks: Vec::with_capacity(TILE),
         }
+    }
+
+    pub(super) fn rows(&self) -> Rows<'_> {
+        Rows { planes: &self.planes, stride: STRIDE, x: &self.x, y: &self.y }
     }
 
     /// Decodes the estimated pixels of the `count` from `start` on.
@@ -336,7 +347,7 @@ impl Samples {
         if self.picks.len() == count {
             return;
         }
-        let rows = self.planes.chunks_mut(TILE).chain([&mut self.x[..], &mut self.y[..]]);
+        let rows = self.planes.chunks_mut(STRIDE).chain([&mut self.x[..], &mut self.y[..]]);
         for row in rows {
             for (place, &pixel) in self.picks.iter().enumerate() {
                 row[place] = row[pixel];
@@ -359,7 +370,8 @@ impl Kernel for DecodeTile<'_> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let bands = self.photographs.bands;
-        for (plane, out) in self.planes.chunks_mut(TILE).enumerate() {
+        for (plane, out) in self.planes.chunks_mut(STRIDE).enumerate() {
+            let out = &mut out[..TILE];
             self.photographs.stack.read(plane / bands, plane % bands, self.start, out);
         }
     }

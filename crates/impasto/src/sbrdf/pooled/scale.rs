@@ -12,41 +12,47 @@ use crate::math::{Mask, Real};
 /// Mean of `rho`: the share of photographs that may be lost.
 const SHARE: f64 = 0.25;
 
-/// Newton steps at most. One changes the scale by at most [`REACH`]: they get past outliers of any
+/// Steps of Halley's method [@gander1985halley] at most. One changes the scale by at most [`REACH`]: they get past outliers of any
 /// size, from a mean that those may have ruined.
 const STEPS: usize = 20;
 const REACH: f64 = 16.0;
 
-/// A step of this relative size is the last: it squares the error.
-const NEAR: f64 = 1e-3;
+/// A step of this relative size is the last: its error is the cube of it.
+const NEAR: f64 = 1e-2;
 
-/// The squared scale of `squares` (0 where not `usable`), of which there are `count`; at least
-/// `floor`.
+/// A squared scale above that of `squares`, of which there are `count`, by the concavity of rho.
 #[inline(always)]
-pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, last: Option<R>) -> R {
+pub(super) fn above<R: Real>(squares: &[R], count: R) -> R {
+    let mut sum = R::zero();
+    for &square in squares {
+        sum = sum + square;
+    }
+    sum / count * R::of(1.0 / SHARE - 1.0)
+}
+
+/// The squared scale of `squares` (0 where not usable), of which there are `count`, from one that is
+/// `near`; at least `floor`.
+#[inline(always)]
+pub(super) fn squared_scale<R: Real>(squares: &[R], count: R, floor: R, near: R) -> R {
     let target = count * R::of(SHARE);
-    let mut scale = if let Some(last) = last {
-        last
-    } else {
-        let mut sum = R::zero();
-        for &square in squares {
-            sum = sum + square;
-        }
-        // Above the solution, by the concavity of rho.
-        sum / count * R::of(1.0 / SHARE - 1.0)
-    };
-    scale = scale.max(floor);
+    let mut scale = near.max(floor);
     // A lane stops on its own account: its neighbours change no bit of it.
     let mut active = scale.is_finite();
     for _ in 0..STEPS {
-        let (mut level, mut slope) = (-target, R::zero());
+        // Derivatives by the logarithm of the scale, up to factors: numbers of the size of the count.
+        let (mut level, mut slope, mut bend) = (-target, R::zero(), R::zero());
         for &square in squares {
             let inverse = (square + scale).recip();
-            let share = square * inverse;
+            let (share, rest) = (square * inverse, scale * inverse);
+            let tangent = share * rest;
             level = level + share;
-            slope = share.mul_add(inverse, slope);
+            slope = slope + tangent;
+            bend = tangent.mul_add(rest, bend);
         }
-        let step = R::keep(slope.gt(R::zero()), level / slope);
+        // At most twice Newton's step.
+        let square = slope * slope;
+        let bottom = (-level).mul_add(bend, square).max(square * R::of(0.5));
+        let step = R::keep(slope.gt(R::zero()), scale * (level * slope / bottom));
         let next = (scale + step).max(scale * R::of(1.0 / REACH)).min(scale * R::of(REACH));
         let next = next.max(floor);
         let far = (next - scale).abs().gt(scale * R::of(NEAR));
@@ -121,7 +127,11 @@ impl Gaussian {
 #[inline(always)]
 pub(super) fn count<R: Real>(masks: &[R::Mask]) -> R {
     debug_assert!(masks.len() < 1 << 24, "f32 counts no further");
-    masks.iter().fold(R::zero(), |sum, &mask| sum + R::keep(mask, R::one()))
+    let mut sum = R::zero();
+    for &mask in masks {
+        sum = sum + R::keep(mask, R::one());
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -135,16 +145,16 @@ mod tests {
             for square in &mut squares[..spoiled] {
                 *square = 1e12;
             }
-            let scale = squared_scale(&squares, 40.0, 0.0, None);
+            let scale = squared_scale(&squares, 40.0, 0.0, above(&squares, 40.0));
             let mean: f64 = squares.iter().map(|s| s / (s + scale)).sum::<f64>() / 40.0;
             assert!((mean - SHARE).abs() < 1e-9, "{spoiled}: {mean}");
         }
-        assert!(squared_scale(&squares, 40.0, 0.0, None) < 1e3);
+        assert!(squared_scale(&squares, 40.0, 0.0, above(&squares, 40.0)) < 1e3);
     }
 
     #[test]
     fn no_residual_gives_the_floor() {
-        assert_eq!(squared_scale(&[0.0_f32; 5], 5.0, 1e-12, None), 1e-12);
+        assert_eq!(squared_scale(&[0.0_f32; 5], 5.0, 1e-12, 0.0), 1e-12);
     }
 
     #[test]
