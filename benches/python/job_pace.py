@@ -7,9 +7,9 @@ of them (not timed here: ``jobs.py --ingest``). ``memory`` is ``fit_sbrdf`` of t
 there; ``job`` is all of ``impasto.run`` with tiles of 1024, half precision and a budget of 1 GiB,
 so that windows are read: hashes, learning, reading, the fit, the store. Seconds of a processor per
 megapixel, which other programs on the machine change less than time; each call in a process of its
-own that has fitted a few pixels before, so that imports are not counted, the least of two where
-the fit takes less than ``CHEAP`` seconds per megapixel. ``pace`` is the first over the second,
-``beside`` their difference. The photographs are in the system's cache.
+own that has fitted a few pixels before, so that imports are not counted, the least of two.
+``pace`` is the first over the second, ``beside`` their difference. The photographs are in the
+system's cache.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ FITS: dict[str, dict[str, Any]] = {
     "own lobes": {"pooling": "pixel"},
 }
 SOURCES = {"files": "dirs.lp", "store": "stack.zarr"}
-CHEAP = 2.0
 
 
 def seconds(way: str, fit: str, folder: Path) -> float:
@@ -70,8 +69,6 @@ def least(way: str, fit: str, folder: Path) -> float:
     for _ in range(2):
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         best = min(best, json.loads(done.stdout.splitlines()[-1]) / (side**2 / 1e6))
-        if best > CHEAP:
-            break
     return best
 
 
