@@ -3,8 +3,8 @@
 //!
 //! Weights follow the residuals: the curvature of the scale is a share of that of the weighted sum of
 //! squares, and Gauss-Newton steps under fixed weights fall short. They are relaxed
-//! [@huber1981robust]: the first by what normal noise asks for, each other by what the two before it
-//! have shown (Aitken's accelerator for vectors [@irons1969aitken]).
+//! [@huber1981robust]: the first by what normal noise asks for, each other by how it differs from the one
+//! before (Aitken's accelerator for vectors [@irons1969aitken]).
 
 use crate::math::lanes::{MAX_LANES, put};
 use crate::math::{Mask, Real, Vec3};
@@ -154,25 +154,25 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
         }
     }
 
-    /// Writes where the best path of every pixel ends; false if the run is cancelled. `GLOSS` and
-    /// `SLOPES` as in [`Pixels::visit`] and [`Pixels::equations`].
+    /// Writes where the best path of every pixel ends, of some only if the run is cancelled. `GLOSS` and
+    /// `SLOPES` as in [`Pixels::leave`] and [`Pixels::equations`].
     #[inline(always)]
     pub(super) fn descend<const GLOSS: bool, const SLOPES: usize>(
         &mut self,
         pixels: &mut Pixels<'_, R>,
         paths: &Paths<'_>,
         out: &mut TileMut<'_>,
-    ) -> bool {
+    ) {
         let mut next = 0;
         loop {
             if self.waiting(next < paths.tile.count) {
                 self.store(out);
                 if paths.run.cancelled() {
-                    return false;
+                    return;
                 }
                 self.refill(paths, &mut next);
                 if self.busy == 0 {
-                    return true;
+                    return;
                 }
                 let rows = Rows { planes: &self.planes, stride: R::WIDTH, x: &self.x, y: &self.y };
                 pixels.look(&rows, 0);
