@@ -5,8 +5,9 @@
 ``OTHER`` is the folder that holds the package ``impasto`` of the other version with its compiled
 core, ``python/`` of a checkout in which ``make build`` was run. Each call runs on one thread in a
 process of its own, in turn with that of the other version; times are processor seconds, the least
-of the repeats. ``error`` is the relative root mean square error of photographs that were held out
-(free of noise), ``degrees`` the mean error of normals; simulated paintings of the study.
+of the repeats. With ``--only`` a record keeps its other rows. ``error`` is the relative root mean
+square error of photographs that were held out (free of noise), ``degrees`` the mean error of
+normals; simulated paintings of the study.
 """
 
 from __future__ import annotations
@@ -163,8 +164,19 @@ def main() -> None:
             show("Processor seconds, one thread", rows[-1:])
     if options.record:
         command = f"python benches/python/versions.py OTHER --repeats {options.repeats} --record"
-        run = run_info(command)
-        write("versions.json", {"run": run | {"then": commit_of(options.other)}, "rows": rows})
+        run = run_info(command) | {"then": commit_of(options.other)}
+        if options.only:
+            run, rows = with_rows_of_before(run, rows)
+        write("versions.json", {"run": run, "rows": rows})
+
+
+def with_rows_of_before(
+    run: dict[str, Any], rows: list[dict[str, Any]]
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The record with some rows anew, each with its commit."""
+    record = json.loads((ROOT / "benches" / "results" / "versions.json").read_text())
+    anew = {row["call"]: row | {"commit": run["commit"]} for row in rows}
+    return record["run"], [anew.get(row["call"], row) for row in record["rows"]]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ use super::{Extraction, LearnedLobe, PooledMapsMut, apply, fit, learn};
 use crate::error::Result;
 use crate::geometry::{Light, Rig};
 use crate::maps::Status;
-use crate::math::{Isa, Kernel, Level, Real};
+use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::{Run, looks, serially};
 use crate::sbrdf::Start;
 use crate::sbrdf::tests::{PIXELS, Painting, SHAPE, pooled_options};
@@ -80,24 +80,27 @@ impl Maps {
     }
 }
 
+/// Squared scales at the ends of all pixels' paths.
+fn scales(painting: &Painting, start: &Start<'_>, stopping: Stopping, restart: bool) -> Vec<f32> {
+    let lobe = CommonLobe { beta: 10.0, log_sharpness: 3.0 };
+    let stack = &painting.stack();
+    let ends = |run: &Run<'_>| {
+        let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
+        let photographs = &photographs(stack, &painting.rig, start, pairs, false);
+        let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
+        let passes = Passes { photographs, run, scale_reference, gaussian: Gaussian::of(2) };
+        let state = State::new(begin(start, 1.0), PIXELS, run)?;
+        let mut to = state.copied(run)?;
+        passes.irls(&state, &mut to, lobe, stopping, restart)?;
+        Ok::<_, crate::error::Error>(to.scale)
+    };
+    serially(ends).unwrap()
+}
+
 #[test]
 fn an_applied_path_leaves_less_than_its_last_step_gained() {
     let painting = Painting::new();
-    let (stack, start) = (&painting.stack(), &painting.start());
-    let lobe = CommonLobe { beta: 10.0, log_sharpness: 3.0 };
-    let ends = |stopping: Stopping| {
-        let scales = |run: &Run<'_>| {
-            let pairs = &Pairs::of_rig(TorranceSparrow { index: 1.45 }, &painting.rig);
-            let photographs = &photographs(stack, &painting.rig, start, pairs, false);
-            let scale_reference = ScaleReference { brightness: 0.5, noise_floor: 0.0 };
-            let passes = Passes { photographs, run, scale_reference, gaussian: Gaussian::of(2) };
-            let state = State::new(begin(start, 1.0), PIXELS, run)?;
-            let mut to = state.copied(run)?;
-            passes.irls(&state, &mut to, lobe, stopping, false)?;
-            Ok::<_, crate::error::Error>(to.scale)
-        };
-        serially(scales).unwrap()
-    };
+    let ends = |stopping| scales(&painting, &painting.start(), stopping, false);
     let (applied, longest) = (ends(APPLIED), ends(Stopping { steps: 400, tolerance: 0.0 }));
     let left = |(&scale, &least): (&f32, &f32)| f64::from(scale / least) - 1.0;
     let mut left: Vec<f64> = applied.iter().zip(&longest).map(left).collect();
@@ -106,6 +109,23 @@ fn an_applied_path_leaves_less_than_its_last_step_gained() {
     // in ten may creep along a valley, where steps shrink by less than a quarter.
     assert!(left[PIXELS / 2] < 0.25 * APPLIED.tolerance, "{}", left[PIXELS / 2]);
     assert!(left[9 * PIXELS / 10] < APPLIED.tolerance, "{}", left[9 * PIXELS / 10]);
+}
+
+#[test]
+fn other_starts_find_what_paths_from_a_wrong_normal_miss() {
+    let painting = Painting::new();
+    let turned = Vec3::new(-0.9, 0.2, 0.4).normalised().array();
+    let normal: Vec<f32> = (0..3 * PIXELS).map(|i| turned[i / PIXELS] as f32).collect();
+    let wrong = Start { normal: &normal, ..painting.start() };
+    let near = scales(&painting, &painting.start(), APPLIED, false);
+    let missed = |start: &Start<'_>, restart| {
+        let found = scales(&painting, start, APPLIED, restart);
+        found.iter().zip(&near).filter(|&(found, near)| *found > 1.01 * near).count()
+    };
+    // A hundredth more than where paths from the true normals end is more than either leaves.
+    let (alone, restarted) = (missed(&wrong, false), missed(&wrong, true));
+    assert!(alone > PIXELS / 10, "{alone}");
+    assert!(restarted <= PIXELS / 100, "{restarted}");
 }
 
 type Pass<'a> = &'a dyn Fn(&Passes<'_>, Begin<'_>) -> Result<()>;
