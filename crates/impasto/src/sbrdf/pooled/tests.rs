@@ -114,8 +114,8 @@ fn an_applied_path_leaves_less_than_its_last_step_gained() {
 #[test]
 fn other_starts_find_what_paths_from_a_wrong_normal_miss() {
     let painting = Painting::new();
-    let turned = Vec3::new(-0.9, 0.2, 0.4).normalised().array();
-    let normal: Vec<f32> = (0..3 * PIXELS).map(|i| turned[i / PIXELS] as f32).collect();
+    let tilted = Vec3::new(-0.9, 0.2, 0.4).normalised().array();
+    let normal: Vec<f32> = (0..3 * PIXELS).map(|i| tilted[i / PIXELS] as f32).collect();
     let wrong = Start { normal: &normal, ..painting.start() };
     let near = scales(&painting, &painting.start(), APPLIED, false);
     let missed = |start: &Start<'_>, restart| {
