@@ -45,7 +45,7 @@ impl Kernel for Irls<'_, '_> {
         let pixels = &mut Pixels::<I::F32>::new(photographs, lobe);
         let lanes = &mut Lanes::new(photographs.bands, photographs.pairs.len());
         let noise = self.restart.then_some(self.noise_floor * NOISE);
-        // The middle of the factors that normal noise and far outliers ask for.
+        // Between the factors that normal noise and far outliers ask for.
         let relaxation = 2.0 / (1.0 + gaussian.curvature);
         let paths = &Paths { samples, tile, stopping, noise, relaxation, run };
         if lobe.beta > 0.0 {
