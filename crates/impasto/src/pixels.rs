@@ -13,11 +13,18 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::math::Level;
+use crate::math::lanes::LINE;
 use crate::passes::Passes;
 
 /// Pixels of a tile: 16 photographs of 16 bits are 128 KiB, which stay in the second-level cache
 /// while the outputs of one tile are written; and a megapixel makes enough tiles for any core.
 pub const TILE: usize = 4096;
+
+/// Samples from one plane of a tile to the next: the tile's pixels and a line of the cache, for planes
+/// a power of two apart would share the few lines of one of its sets.
+pub(crate) const fn stride(tile: usize) -> usize {
+    tile + LINE / size_of::<f32>()
+}
 
 /// Threads that belong to the caller; the process-wide pool is never used.
 #[derive(Debug)]
