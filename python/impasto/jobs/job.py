@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from impasto import _core
+from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
@@ -188,7 +188,7 @@ def run(
             sample = stride_for(budget // 2, photographs.pixel, photographs.size, least.stride)
         curve = photographs.encoding
         record = JobRecord(
-            version=_core.build_info()["version"],
+            version=build_name(),
             source=path,
             reading=options,
             encoding=(curve.curve, float(curve.white)),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from impasto import _core
+from impasto._internal.build import build_name
 from impasto.errors import ResumeMismatchError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
@@ -142,7 +142,7 @@ def check_begun(target: Path) -> None:
 
 def _digest(mosaic: Mosaic, grid: Grid, report: MergeReport) -> str:
     """SHA-256 of all that the bytes of the store follow from."""
-    found = hashlib.sha256(json.dumps([_core.build_info()["version"], grid.tile]).encode())
+    found = hashlib.sha256(json.dumps([build_name(), grid.tile]).encode())
     found.update(report.to_json().encode())
     for place in mosaic.placements:
         found.update(np.concatenate([place.linear.ravel(), place.offset]).tobytes())
