@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -261,7 +261,7 @@ def _carried_out(
     if not has_begun(notes):
         (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
 
-    def learn() -> LearnedModel:
+    def learn(check: Callable[[], object] = lambda: None) -> LearnedModel:
         return learned_from(
             photographs,
             record.fit,
@@ -269,6 +269,7 @@ def _carried_out(
             max(record.tile, record.sample),
             threads=threads,
             progress=progress,
+            check=check,
         )
 
     def write_record() -> None:
@@ -281,7 +282,13 @@ def _carried_out(
 
     if not (notes / RECORD).exists():
         with own.beside(write_record) as written:
-            model = learn()
+
+            def check() -> None:
+                # Without the hashes or their record nothing can come of what is learned.
+                if written.done():
+                    written.result()
+
+            model = learn(check)
             written.result()
         model.save(notes / LEARNED)
     elif not (notes / LEARNED).exists():
