@@ -184,6 +184,37 @@ def test_an_interrupted_call_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("content", ["same", "other"])
+def test_a_photograph_that_changes_ends_the_call_and_one_of_another_date_does_not(
+    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = photographs(tmp_path), tmp_path / "stack.zarr"
+    file = tmp_path / "light3.tif"
+    entries, hashed = reading.file_entries, threading.Event()
+
+    def told(*given: Any) -> list[dict[str, Any]]:
+        found = entries(*given)
+        hashed.set()
+        return found
+
+    def change(done: int, total: int) -> None:
+        if done == total:
+            assert hashed.wait(60.0), "before, nobody can know what the file held"
+            data = bytearray(file.read_bytes())
+            data[-1] ^= content == "other"
+            file.write_bytes(data)
+            os.utime(file, (10.0, 10.0))
+
+    monkeypatch.setattr(reading, "file_entries", told)
+    if content == "same":
+        impasto.ingest(path, out, tile=64, progress=change)
+        assert_same(impasto.read_stack(out), impasto.read_stack(path))
+        return
+    with pytest.raises(impasto.ResumeMismatchError, match=r"light3\.tif has changed while it was"):
+        impasto.ingest(path, out, tile=64, progress=change)
+    assert not out.exists()
+
+
 def test_an_interrupted_call_does_not_wait_for_the_hashes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,7 +222,7 @@ def test_an_interrupted_call_does_not_wait_for_the_hashes(
     before = sorted(tmp_path.iterdir())
     to_the_end: list[bool] = []
 
-    def slow(_: object, report: Callable[[int, int], object]) -> list[dict[str, Any]]:
+    def slow(paths: object, report: Callable[[int, int], object], *_: Any) -> list[dict[str, Any]]:
         for step in range(500):
             report(step, 500)
             time.sleep(0.01)

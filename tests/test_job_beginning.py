@@ -32,13 +32,13 @@ def while_hashing(act: Callable[[int, int], object]) -> Callable[..., list[dict[
     """Hash files, and do this whenever some of them has been read."""
 
     def instead(
-        paths: Sequence[Path], report: Callable[[int, int], object]
+        paths: Sequence[Path], report: Callable[[int, int], object], *more: Any
     ) -> list[dict[str, Any]]:
         def told(done: int, total: int) -> None:
             report(done, total)
             act(done, total)
 
-        return HASHES(paths, told)
+        return HASHES(paths, told, *more)
 
     return instead
 
@@ -150,7 +150,9 @@ def test_ctrl_c_while_photographs_are_hashed_leaves_nothing(
     assert not out.with_name("painting.zarr.partial").exists()
 
 
-def _for_ever(paths: Sequence[Path], report: Callable[[int, int], object]) -> list[dict[str, Any]]:
+def _for_ever(
+    paths: Sequence[Path], report: Callable[[int, int], object], *_: Any
+) -> list[dict[str, Any]]:
     while True:
         report(0, 1)
 

@@ -68,7 +68,9 @@ def file_entry(
 
 
 def file_entries(
-    paths: Sequence[Path], report: Callable[[int, int], object]
+    paths: Sequence[Path],
+    report: Callable[[int, int], object],
+    found: Callable[[Path, dict[str, Any]], object] = lambda path, entry: None,
 ) -> list[dict[str, Any]]:
     """:func:`file_entry` of many files, some at a time.
 
@@ -78,6 +80,8 @@ def file_entries(
         The files.
     report
         Called with (bytes read, bytes in all), by one thread at a time; an error of it ends all.
+    found
+        Called with each file and its entry as soon as that is known, by any thread.
 
     Raises
     ------
@@ -94,11 +98,16 @@ def file_entries(
             done += count
             report(done, total)
 
+    def entry_of(path: Path) -> dict[str, Any]:
+        entry = _entry(path, None, add)
+        found(path, entry)
+        return entry
+
     add(0)
     with Pool(HASHED) as pool:
-        found = [pool.submit(_entry, path, None, add) for path in paths]
+        entries = [pool.submit(entry_of, path) for path in paths]
         try:
-            return [one.result() for one in found]
+            return [one.result() for one in entries]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -275,6 +275,7 @@ def _carried_out(
     def write_record() -> None:
         # A source without files has none of these either, and says so at once.
         inputs = record.inputs or own.hashes(photographs)
+        _refuse_changed(photographs)
         atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
         with as_problem_of(partial):
             sync_folder(partial)
@@ -319,11 +320,7 @@ def _carried_out(
             fit_tiles_on(client, job, missing, log)
             clear(partial)  # of workers that died
         entries = journal.entries
-    if changed := photographs.changed():
-        raise ResumeMismatchError(
-            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
-            "begin anew (resume=False, --no-resume)"
-        )
+    _refuse_changed(photographs)
     finish(partial, grid, entries, record.precision)
     with as_problem_of(target):
         partial.rename(target)
@@ -332,6 +329,15 @@ def _carried_out(
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target
+
+
+def _refuse_changed(photographs: Photographs) -> None:
+    """What was learned, and every tile, must be of the photographs of the record."""
+    if changed := photographs.changed():
+        raise ResumeMismatchError(
+            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
+            "begin anew (resume=False, --no-resume)"
+        )
 
 
 def _as_path(name: str, value: Any) -> Any:
