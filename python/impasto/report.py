@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
+from io import FileIO
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -119,12 +120,20 @@ def _entry(
     digest, size = hashlib.sha256(), 0
     block = memoryview(bytearray(BLOCK))
     with path.open("rb", buffering=0) as file:
-        while count := file.readinto(block):
+        while count := _filled(block, file, path):
             digest.update(block[:count])
             size += count
             add(count)
     name = path if folder is None else path.relative_to(folder)
     return {"file": name.as_posix(), "bytes": size, "sha256": digest.hexdigest()}
+
+
+def _filled(block: memoryview, file: FileIO, path: Path) -> int:
+    """Bytes that were read; an error of a disk that fails names no file by itself."""
+    try:
+        return file.readinto(block)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def status_counts(status: ArrayLike) -> dict[str, int]:
