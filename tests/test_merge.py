@@ -337,6 +337,24 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     assert impasto.jobs.verify(out) == ()
 
 
+def test_a_merge_whose_name_another_has_meanwhile_is_refused_before_it_blends(
+    lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    """The other one ends while the frames are registered."""
+    out, done = tmp_path / "merged.zarr", []
+
+    def other_ends(count: int, total: int) -> None:
+        if not done:
+            impasto.merge(parts(lobed), out, tile=128)
+        done.append(count)
+
+    with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr exists; remove it or give"):
+        impasto.merge(parts(lobed), out, tile=48, progress=other_ends)
+    assert done == [0]
+    assert [path.name for path in tmp_path.iterdir()] == ["merged.zarr"]
+    assert impasto.jobs.verify(out) == ()
+
+
 def test_an_unfinished_job_is_not_merged_into(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
     (tmp_path / "a.zarr.partial" / "job").mkdir(parents=True)
     with pytest.raises(impasto.ResumeMismatchError, match=r"a\.zarr\.partial is there and is no"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -261,7 +261,7 @@ def _carried_out(
     if not has_begun(notes):
         (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
 
-    def learn() -> LearnedModel:
+    def learn(check: Callable[[], object] = lambda: None) -> LearnedModel:
         return learned_from(
             photographs,
             record.fit,
@@ -269,11 +269,13 @@ def _carried_out(
             max(record.tile, record.sample),
             threads=threads,
             progress=progress,
+            check=check,
         )
 
     def write_record() -> None:
         # A source without files has none of these either, and says so at once.
         inputs = record.inputs or own.hashes(photographs)
+        _refuse_changed(photographs)
         atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
         with as_problem_of(partial):
             sync_folder(partial)
@@ -281,7 +283,13 @@ def _carried_out(
 
     if not (notes / RECORD).exists():
         with own.beside(write_record) as written:
-            model = learn()
+
+            def check() -> None:
+                # Without the hashes or their record nothing can come of what is learned.
+                if written.done():
+                    written.result()
+
+            model = learn(check)
             written.result()
         model.save(notes / LEARNED)
     elif not (notes / LEARNED).exists():
@@ -312,11 +320,7 @@ def _carried_out(
             fit_tiles_on(client, job, missing, log)
             clear(partial)  # of workers that died
         entries = journal.entries
-    if changed := photographs.changed():
-        raise ResumeMismatchError(
-            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
-            "begin anew (resume=False, --no-resume)"
-        )
+    _refuse_changed(photographs)
     finish(partial, grid, entries, record.precision)
     with as_problem_of(target):
         partial.rename(target)
@@ -325,6 +329,15 @@ def _carried_out(
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target
+
+
+def _refuse_changed(photographs: Photographs) -> None:
+    """What was learned, and every tile, must be of the photographs of the record."""
+    if changed := photographs.changed():
+        raise ResumeMismatchError(
+            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
+            "begin anew (resume=False, --no-resume)"
+        )
 
 
 def _as_path(name: str, value: Any) -> Any:
