@@ -123,8 +123,8 @@ def run(
         is refused: give its file.
     threads
         None means every allowed core. While a tile is fitted, one more thread reads the next. With
-        a ``client`` that counts for the first pass, in this process; a worker has the threads that
-        it was started with.
+        a ``client`` that counts for this process, which learns and makes the smaller scales; a
+        worker has the threads that it was started with.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles.
     **fit
@@ -317,7 +317,7 @@ def _carried_out(
             f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
             "begin anew (resume=False, --no-resume)"
         )
-    finish(partial, grid, entries, record.precision)
+    finish(partial, grid, entries, record.precision, threads)
     with as_problem_of(target):
         partial.rename(target)
         # Not before: another process could take a lock of its own.
