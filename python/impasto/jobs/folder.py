@@ -14,7 +14,7 @@ from impasto.io.npz import read_npz
 from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP
-from impasto.io.temporary import OLD, PARTIAL, temporary_beside
+from impasto.io.temporary import OLD, PARTIAL, is_temporary, temporary_beside
 from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
@@ -199,9 +199,9 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
 
 
 def clear(partial: Path) -> None:
-    """Remove what a killed run was writing."""
+    """Remove what a killed run was writing; other hidden files are somebody else's."""
     for path in partial.rglob(".*"):
-        if path.is_file():
+        if is_temporary(path.name) and path.is_file():
             path.unlink()
 
 
