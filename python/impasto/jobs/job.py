@@ -13,6 +13,7 @@ from impasto import _core
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
+from impasto.fit.deferred import Deferred
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
@@ -154,6 +155,7 @@ def run(
     target = checked_target(out)
     need_zarr()
     client = checked_client(client, source)
+    _check_source(source)
     budget = bytes_of(memory)
     thread_count(threads)
     given = checked_reading(reading)
@@ -325,6 +327,21 @@ def _carried_out(
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target
+
+
+def _check_source(source: Any) -> None:
+    """Refuse what is no source of a job: its windows are read again and again, in any order."""
+    if isinstance(source, str | os.PathLike | Stack | Photographs):
+        return
+    kind = type(source).__name__
+    if isinstance(source, Deferred):
+        advice = (
+            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give a job the files that it is "
+            "of (impasto ingest makes a store of them)"
+        )
+    else:
+        advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"
+    raise ArgumentError(f"source: a job cannot read a {kind}; {advice}")
 
 
 def _as_path(name: str, value: Any) -> Any:
