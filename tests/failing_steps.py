@@ -71,8 +71,8 @@ class Steps:
     folder
         Of other files no step is counted.
     failing
-        The number of the step that fails, from 1 on; 0: none. Or what it is, and the how manieth
-        of its kind: threads that make the same folders take a step more or less.
+        The number of the step that fails, from 1 on; 0: none. Or what it is, and its number
+        among those of its kind: threads that make the same folders take a step more or less.
     error
         Its error.
     taken
@@ -196,7 +196,7 @@ def unfinished(out: Path) -> None:
         (partial / name).write_bytes(data)
     with (partial / "job" / "journal.jsonl").open("ab") as journal:
         journal.write(b'{"estimated": 1')
-    (partial / "normal" / "c" / "0" / "0" / ".1-left.tmp").write_bytes(b"half")
+    (partial / "normal" / "c" / "0" / "0" / ".1-1ef7.tmp").write_bytes(b"half")
 
 
 def calls(folder: Path) -> dict[str, Call]:
@@ -251,7 +251,7 @@ class Seen:
 
 
 def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
-    """Let every step of a call fail, or every so manieth, and the first and last ones."""
+    """Let every step of a call fail, or every n-th, and the first and last ones."""
     seen = Seen()
     one = folder / "one"
     out = one / f"a{suffix}"
@@ -361,7 +361,7 @@ def main() -> int:
     """Try all calls, or those that are named; 1 if there is a fault."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("calls", nargs="*", help="default: all")
-    options.add_argument("--every", type=int, default=1, help="every so manieth step")
+    options.add_argument("--every", type=int, default=1, help="every n-th step")
     options.add_argument("--record", action="store_true")
     chosen = options.parse_args()
     faults = 0

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import dask.array
 import pytest
 
 import impasto
@@ -18,7 +19,7 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.cli import main
 from impasto.jobs import photographs as reading
 from interrupted_jobs import interrupting
-from killed_jobs import in_child, tree
+from killed_jobs import in_child, stack, tree
 from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -237,3 +238,14 @@ def test_what_is_no_job_is_not_written_into(tmp_path: Path) -> None:
         begun(path, tmp_path / "painting.zarr")
     assert tree(tmp_path) == before
     assert [one.name for one in foreign.iterdir()] == ["letter.txt"]
+
+
+def test_what_is_no_photographs_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    samples = dask.array.from_array(stack().samples)
+    lazy = impasto.LazyStack(samples, lights=stack().rig, scale=1 / 4095)
+    with pytest.raises(ArgumentError, match=r"source: .*LazyStack; fit it by .*impasto ingest"):
+        impasto.run(lazy, tmp_path / "a.zarr", pooling="none")  # type: ignore[arg-type]
+    for other in (samples, stack().samples, None):
+        with pytest.raises(ArgumentError, match=r"source: a job cannot read a .*; expected the"):
+            impasto.run(other, tmp_path / "a.zarr", pooling="none")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -250,3 +251,27 @@ def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:
         finally:
             ended.set()
         assert watching.result() == []
+
+
+def test_hidden_files_of_others_are_left_alone(unfinished: Path, tmp_path: Path) -> None:
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    foreign = (".DS_Store", "job/.notes-2026.txt", "normal/c/0/0/.nfs0012ab", ".a-b.tmp.png")
+    left = ("normal/c/0/0/.1-0123456789ab.tmp", "job/.learned-a_b0c1d2.partial.npz")
+    left += ("job/.journal-abcdefgh.partial.jsonl",)
+    for name in foreign + left:
+        (partial / name).write_bytes(b"half")
+    jobs.resume(out, source=small_stack())
+    assert all((out / name).read_bytes() == b"half" for name in foreign)
+    assert not any((out / name).exists() for name in left)
+
+
+def test_a_finished_store_is_read_where_there_are_no_locks(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "a.zarr"
+    shutil.copytree(finished, out)
+    (out / "job" / "lock").touch()
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    assert jobs.status(out).state == "finished"
+    assert [Path(one.file).name for one in jobs.verify(out)] == ["lock"]

@@ -93,6 +93,23 @@ def test_a_crate_has_no_damaged_tile(store: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "crate").exists()
 
 
+def test_a_crate_has_no_file_of_others(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    foreign = [out / ".DS_Store", out / "normal" / "notes.txt"]
+    for path in foreign:
+        path.write_bytes(b"of somebody else")
+    with pytest.raises(CorruptInputError, match=r"\.DS_Store: does not .*; nor do 1 more files"):
+        jobs.export_ro_crate(out, tmp_path / "crate")
+    assert not (tmp_path / "crate").exists()
+    for path in foreign:
+        path.unlink()
+    # What a process leaves that is killed in its last step is no part of the result.
+    (out / "job" / "lock").touch()
+    crate = jobs.export_ro_crate(out, tmp_path / "crate")
+    assert tree(crate / "painting.zarr") == tree(store)
+
+
 def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) -> None:
     out = tmp_path / "painting.zarr"
     shutil.copytree(store, out)

@@ -264,6 +264,21 @@ pub fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>> {
     Ok(vec![T::default(); count])
 }
 
+/// An empty list with room for so many, if there is any.
+///
+/// Workers ask for room at the same time, so that what one has found may be another's: nothing but the
+/// list itself is certain.
+///
+/// # Errors
+/// [`Error::Memory`] if there is not.
+pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>> {
+    check_room::<T>(count)?;
+    let mut list = Vec::new();
+    let bytes = count.saturating_mul(size_of::<T>());
+    list.try_reserve_exact(count).map_err(|_| Error::Memory { bytes })?;
+    Ok(list)
+}
+
 /// The next tile that nobody has taken.
 fn next<T>(queue: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
     locked(queue).next()

@@ -13,6 +13,7 @@ from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
+from impasto.fit.deferred import Deferred
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
@@ -123,8 +124,8 @@ def run(
         is refused: give its file.
     threads
         None means every allowed core. While a tile is fitted, one more thread reads the next. With
-        a ``client`` that counts for the first pass, in this process; a worker has the threads that
-        it was started with.
+        a ``client`` that counts for this process, which learns and makes the smaller scales; a
+        worker has the threads that it was started with.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles.
     **fit
@@ -154,6 +155,7 @@ def run(
     target = checked_target(out)
     need_zarr()
     client = checked_client(client, source)
+    _check_source(source)
     budget = bytes_of(memory)
     thread_count(threads)
     given = checked_reading(reading)
@@ -321,7 +323,7 @@ def _carried_out(
             clear(partial)  # of workers that died
         entries = journal.entries
     _refuse_changed(photographs)
-    finish(partial, grid, entries, record.precision)
+    finish(partial, grid, entries, record.precision, threads)
     with as_problem_of(target):
         partial.rename(target)
         # Not before: another process could take a lock of its own.
@@ -338,6 +340,21 @@ def _refuse_changed(photographs: Photographs) -> None:
             f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
             "begin anew (resume=False, --no-resume)"
         )
+
+
+def _check_source(source: Any) -> None:
+    """Refuse what is no source of a job: its windows are read again and again, in any order."""
+    if isinstance(source, str | os.PathLike | Stack | Photographs):
+        return
+    kind = type(source).__name__
+    if isinstance(source, Deferred):
+        advice = (
+            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give a job the files that it is "
+            "of (impasto ingest makes a store of them)"
+        )
+    else:
+        advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"
+    raise ArgumentError(f"source: a job cannot read a {kind}; {advice}")
 
 
 def _as_path(name: str, value: Any) -> Any:

@@ -99,7 +99,8 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
         with slots.fitting:
             result = fitted(opened.model, stack, grid, tile, worker.state.nthreads)
         del stack
-        encoded = EncodedTile.of(grid, tile, result, opened.record.precision)
+        # One thread: meanwhile the next tile has all others.
+        encoded = EncodedTile.of(grid, tile, result, opened.record.precision, threads=1)
         # A worker that was given up for lost may come to this after all.
         _check_folder(job)
         return encoded.write(job.folder, numbers=numbers)
