@@ -15,8 +15,7 @@ import pytest
 import zarr
 
 import impasto
-from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, _core, jobs
-from impasto._internal.build import build_name
+from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
 from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
 from impasto.jobs.journal import read_journal
@@ -302,33 +301,6 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
         impasto.run(stack(), out, resume=False, **OPTIONS)
     with pytest.raises(ResumeMismatchError, match=r"fit\.index"):
         impasto.run(stack(), out, index=1.6, pooling="painting", tile=64)
-
-
-def test_a_job_does_not_go_on_with_another_build(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = tmp_path / "painting.zarr"
-    interrupted(out, 2)
-    # As after an update between two releases: the same version, other code.
-    monkeypatch.setattr("impasto.jobs.job.build_name", lambda: f"{impasto.__version__}+0")
-    with pytest.raises(
-        ResumeMismatchError, match=rf"version: the job has '{impasto.__version__}\+"
-    ):
-        impasto.run(stack(), out, **OPTIONS)
-
-
-def test_builds_are_told_apart_by_their_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = [build_name.__wrapped__()]
-    info = _core.build_info()
-    monkeypatch.setattr(_core, "build_info", lambda: info | {"sources": "other"})
-    names.append(build_name.__wrapped__())
-    read = Path.read_bytes
-    monkeypatch.setattr(
-        Path, "read_bytes", lambda self: read(self) + b"# more" * (self.name == "stack.py")
-    )
-    names.append(build_name.__wrapped__())
-    assert len(set(names)) == 3
-    assert all(name.startswith(f"{impasto.__version__}+") for name in names)
 
 
 def test_an_unfinished_job_can_be_begun_anew(tmp_path: Path) -> None:

@@ -329,7 +329,7 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     # One of the tiles was torn, as by a failing disk, and one was being written.
     shard = partial / "normal/c/0/0/1"
     shard.write_bytes(shard.read_bytes()[:-9])
-    (partial / "normal/c/0/0/.2-abc").write_bytes(b"half")
+    (partial / "normal/c/0/0/.2-abc.tmp").write_bytes(b"half")
     done: list[int] = []
     impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
     assert done[:2] == [0, 2], "two tiles are kept"

@@ -14,26 +14,26 @@ def umask() -> int:
     POSIX tells it only by setting another one, for all threads: with none, what one of them makes
     in that moment may be written by everybody.
     """
-    told = _told()
-    return _AT_IMPORT if told is None else told
+    found = _of_status()
+    return _AT_IMPORT if found is None else found
 
 
-def _told() -> int | None:
+def _of_status() -> int | None:
     try:
         lines = STATUS.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return None
-    found = [line.split()[1] for line in lines if line.startswith("Umask:")]
-    return int(found[0], 8) if found else None
+    masks = [line.split()[1] for line in lines if line.startswith("Umask:")]
+    return int(masks[0], 8) if masks else None
 
 
 def _at_import() -> int:
-    told = _told()
-    if told is None:
+    found = _of_status()
+    if found is None:
         # Meanwhile files of other threads are private rather than everybody's.
-        told = os.umask(0o077)
-        os.umask(told)
-    return told
+        found = os.umask(0o077)
+        os.umask(found)
+    return found
 
 
 _AT_IMPORT = _at_import()
