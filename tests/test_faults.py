@@ -103,7 +103,7 @@ def test_many_photographs_take_no_more_time_each(tmp_path: Path) -> None:
     assert any("p7.png" in str(note) for note in lights.notes)
 
 
-@pytest.mark.parametrize("name", ["PIZ", "B44", "B44A", "RLE"])
+@pytest.mark.parametrize("name", ["PIZ", "B44", "B44A", "RLE", "DWAA", "DWAB"])
 @pytest.mark.parametrize("tiled", [False, True])
 def test_an_exr_that_ends_in_zeros_is_damaged(tmp_path: Path, name: str, tiled: bool) -> None:
     """A preallocated copy that was not finished; the decoders take the zeros for codes."""
