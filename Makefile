@@ -16,7 +16,7 @@ export PIP_QUIET := 1
 PYTEST := IMPASTO_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo test test-fast rust-checks test-rust test-python lint docs wheel sanitize bench study pictures clean
+.PHONY: help build demo test test-fast lint lint-rust lint-python test-rust test-core test-gpu test-python docs wheel sanitize bench study pictures clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,20 +26,31 @@ build: $(VENV)/built  ## create .venv with a release build of impasto in it
 demo: $(VENV)/built  ## measure and relight a simulated painting; pictures in demo/
 	$(BIN)/impasto demo --out demo
 
+# The release build keeps one core busy for minutes: meanwhile the other does what needs no extension.
 test: $(VENV)/created  ## run every check: lint, Rust, Python, documentation
-	@$(MAKE) --no-print-directory --jobs 3 rust-checks $(VENV)/compiled $(VENV)/extras
-	@$(MAKE) --no-print-directory --jobs 2 lint test-rust
-	@$(MAKE) --no-print-directory --jobs 2 test-python docs
+	@$(MAKE) --no-print-directory --jobs 4 $(VENV)/compiled lint-rust lint-python test-core
+	@$(MAKE) --no-print-directory --jobs 2 test-gpu docs
+	@$(MAKE) --no-print-directory test-python
 
-# The release build keeps one core busy for minutes: meanwhile the other compiles what the Rust checks need, and
-# packages are fetched.
-rust-checks: $(VENV)/created
+lint: lint-rust lint-python  ## check formats, clippy, ruff and mypy; warnings are errors
+
+lint-rust: $(VENV)/created
+	cargo fmt --all --check
 	cargo clippy --quiet --workspace --all-targets -- -D warnings
-	cargo test --quiet --no-run
+	cargo clippy --quiet --package impasto --no-default-features --features lm --lib --example decay -- -D warnings
+
+lint-python: $(VENV)/extras
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+test-rust: test-core test-gpu  ## run the Rust tests
+
+test-core:
+	cargo test --quiet
 
 # The renderer for graphics cards is tested as it is built for Python: what it needs is compiled once.
-test-rust: $(VENV)/built  ## run the Rust tests
-	cargo test --quiet
+test-gpu: $(VENV)/built
 	cargo test --quiet --release --package impasto-gpu --package impasto-py
 
 test-python: $(VENV)/built $(VENV)/extras  ## run the Python tests, README and documentation examples
@@ -47,14 +58,6 @@ test-python: $(VENV)/built $(VENV)/extras  ## run the Python tests, README and d
 
 test-fast: $(VENV)/built $(VENV)/extras  ## run the fast Python tests: most of them, in a tenth of the time
 	$(PYTEST) -m "not slow"
-
-lint: $(VENV)/built $(VENV)/extras  ## check formats, clippy, ruff and mypy; warnings are errors
-	cargo fmt --all --check
-	cargo clippy --quiet --workspace --all-targets -- -D warnings
-	cargo clippy --quiet --package impasto --no-default-features --features lm --lib --example decay -- -D warnings
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/mypy
 
 docs: $(VENV)/built $(VENV)/extras  ## build the documentation into docs/_build/html
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html

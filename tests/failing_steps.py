@@ -1,4 +1,4 @@
-"""Disks that fail: ``python tests/failing_steps.py`` lets every step of a job fail once.
+"""Disks that fail: ``python tests/failing_steps.py [--record]`` lets every step of a job fail once.
 
 A step is a call of the system by which something gets onto the disk: an opening, a write, a flush,
 a rename, a new folder, a removal, a link. The k-th of them raises ``OSError`` (the disk is full, or
@@ -36,6 +36,7 @@ import numpy as np
 import impasto
 from impasto import jobs, simulate
 from killed_jobs import tree
+from recorded_faults import recorded
 
 STEPS = ("open", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "link", "truncate")
 """Functions of ``os``; writes come on top."""
@@ -45,6 +46,19 @@ FIRST = 3
 LAST = 4
 """Steps of a store from its last name on: rename, the end of its lock, two flushed folders."""
 ERRORS = (errno.ENOSPC, errno.EIO)
+NAMES = {
+    "run .zarr": "a job",
+    "resume .zarr": "a damaged job goes on",
+    "merge .zarr": "a merge",
+    "ingest .zarr": "ingest",
+    "save .zarr": "save, a store",
+    "save .npz": "save, `.npz`",
+    "learned .npz": "a learned model",
+    "export .crate": "export",
+    "height .tif": "height of a store",
+    "render .tif": "picture of a store",
+}
+"""What the record calls the calls."""
 OPTIONS: dict[str, Any] = {"pooling": "none", "normals": "least-squares", "tile": 16, "threads": 1}
 
 
@@ -57,8 +71,8 @@ class Steps:
     folder
         Of other files no step is counted.
     failing
-        The number of the step that fails, from 1 on; 0: none. Or what it is, and the how manieth
-        of its kind: threads that make the same folders take a step more or less.
+        The number of the step that fails, from 1 on; 0: none. Or what it is, and its number
+        among those of its kind: threads that make the same folders take a step more or less.
     error
         Its error.
     taken
@@ -182,7 +196,7 @@ def unfinished(out: Path) -> None:
         (partial / name).write_bytes(data)
     with (partial / "job" / "journal.jsonl").open("ab") as journal:
         journal.write(b'{"estimated": 1')
-    (partial / "normal" / "c" / "0" / "0" / ".1-left.tmp").write_bytes(b"half")
+    (partial / "normal" / "c" / "0" / "0" / ".1-1ef7.tmp").write_bytes(b"half")
 
 
 def calls(folder: Path) -> dict[str, Call]:
@@ -237,7 +251,7 @@ class Seen:
 
 
 def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
-    """Let every step of a call fail, or every so manieth, and the first and last ones."""
+    """Let every step of a call fail, or every n-th, and the first and last ones."""
     seen = Seen()
     one = folder / "one"
     out = one / f"a{suffix}"
@@ -258,6 +272,19 @@ def tried(call: Call, suffix: str, folder: Path, every: int = 1) -> Seen:
         _one(call.write, out, Steps(one, failing, ERRORS[k % 2]), expected, seen)
     shutil.rmtree(one)
     return seen
+
+
+def row_of(call: str, seen: Seen) -> dict[str, Any]:
+    """A row of the record."""
+    return {
+        "call": call,
+        "tried": sum(seen.endings.values()),
+        "steps": seen.steps,
+        "errors": seen.endings["the error"],
+        "results": seen.endings["a result"],
+        "unreached": seen.endings["not reached"],
+        "faults": len(seen.faults),
+    }
 
 
 def content(path: Path) -> dict[str, str]:
@@ -334,7 +361,8 @@ def main() -> int:
     """Try all calls, or those that are named; 1 if there is a fault."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("calls", nargs="*", help="default: all")
-    options.add_argument("--every", type=int, default=1, help="every so manieth step")
+    options.add_argument("--every", type=int, default=1, help="every n-th step")
+    options.add_argument("--record", action="store_true")
     chosen = options.parse_args()
     faults = 0
     with tempfile.TemporaryDirectory() as name:
@@ -354,6 +382,9 @@ def main() -> int:
                 f"{one}: {seen.steps} steps, {time.monotonic() - began:.0f} s: {endings}"
                 f"{f' (of {ignored})' if ignored else ''}, {len(seen.faults)} faults\n"
             )
+            if chosen.record:
+                command = " ".join(["python tests/failing_steps.py", *sys.argv[1:]])
+                recorded("steps", [row_of(NAMES[one], seen)], command)
             for fault in seen.faults[:20]:
                 sys.stdout.write(f"  {fault}\n")
             sys.stdout.flush()

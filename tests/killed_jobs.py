@@ -1,10 +1,12 @@
 """Jobs that are killed on the way, and resumed: the same bytes as if nothing had happened.
 
-``python tests/killed_jobs.py 100`` kills a hundred at random times and says what it saw.
+``python tests/killed_jobs.py 100 [--record]`` kills a hundred at random times, and says what it
+saw: stores of other bytes, and files of finished tiles that were lost or written again.
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import itertools
 import json
@@ -13,6 +15,7 @@ import random
 import shutil
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from functools import cache
@@ -23,10 +26,13 @@ import numpy as np
 
 import impasto
 from impasto import jobs
+from recorded_faults import recorded
 
 SIZE = (70, 90)
 """Two by two tiles of 64 pixels, three of them cut off by the border."""
 OPTIONS: dict[str, Any] = {"pooling": "none", "tile": 64}
+LARGE = (330, 390)
+"""Six by seven tiles, many more than are in flight when a job is killed."""
 
 
 @cache
@@ -165,42 +171,69 @@ def at_steps(folder: Path, steps: list[int]) -> None:
     sys.stdout.write(json.dumps({"steps": count, "seen": seen}))
 
 
-def at_random(folder: Path, count: int, seed: int) -> None:
-    """Kill a job at random times, again and again until it ends; prints what was seen."""
-    stack()
-    whole, rng = folder / "whole.zarr", random.Random(seed)
+def at_random(folder: Path, count: int, seed: int) -> dict[str, Any]:
+    """Kill a job at random times, again and again until it ends; what was seen."""
+
+    def job(out: Path) -> object:
+        return impasto.run(stack(LARGE), out, **OPTIONS)
+
+    stack(LARGE)
+    whole, out, rng = folder / "whole.zarr", folder / "killed.zarr", random.Random(seed)
     start = time.monotonic()
-    assert in_child(lambda: impasto.run(stack(), whole, **OPTIONS)) == 0
+    assert in_child(lambda: job(whole)) == 0
     seconds = time.monotonic() - start
-    expected, kills, different, jobs_done, kept = tree(whole), 0, 0, 0, 0
-    out = folder / "killed.zarr"
+    expected, files = tree(whole), len(written(whole))
+    kills = stores = different = again = 0
+    shares: list[float] = []
     while kills < count:
+        finished: dict[str, tuple[int, int]] = {}
         while not out.exists():
-            process = os.fork()
-            if process == 0:
-                impasto.run(stack(), out, **OPTIONS)
-                os._exit(0)
-            time.sleep(rng.uniform(0.0, 1.2 * seconds))
-            os.kill(process, signal.SIGKILL)
-            _, state = os.waitpid(process, 0)
-            kills += os.WIFSIGNALED(state)
-            before = written(out.with_name(out.name + ".partial"))
-            kept += len(before)
-            if kills >= count and not out.exists():
-                assert in_child(lambda: impasto.run(stack(), out, **OPTIONS)) == 0
-        jobs_done += 1
+            killed = False
+            if kills < count:
+                process = os.fork()
+                if process == 0:
+                    job(out)
+                    os._exit(0)
+                time.sleep(rng.uniform(0.0, seconds))
+                os.kill(process, signal.SIGKILL)
+                _, state = os.waitpid(process, 0)
+                killed = os.WIFSIGNALED(state)
+            else:
+                assert in_child(lambda: job(out)) == 0
+            now = written(out if out.exists() else out.with_name(out.name + ".partial"))
+            again += sum(now.get(name) != about for name, about in finished.items())
+            finished = now
+            if killed:
+                kills += 1
+                shares.append(len(now) / files)
+        stores += 1
         different += tree(out) != expected
         assert jobs.verify(out) == ()
         shutil.rmtree(out)
+    return {
+        "jobs": stores, "kills": kills, "files": files, "different": different, "again": again,
+        "share": float(np.mean(shares)),
+    }  # fmt: skip
+
+
+def main() -> int:
+    """1 if a byte differs or a finished tile was made again."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kills", type=int)
+    parser.add_argument("--record", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        seen = at_random(Path(made), options.kills, seed=20)
     sys.stdout.write(
-        f"{kills} kills in {jobs_done} jobs of {seconds:.1f} s: {different} stores differ from "
-        f"that of a job that was not killed; {kept / kills:.0f} of {len(expected)} files were on "
-        "the disk when a job was killed, on average\n"
+        f"{seen['kills']} kills in {seen['jobs']} jobs: {seen['different']} stores differ, "
+        f"{seen['again']} files of finished tiles were lost or written again; "
+        f"{seen['share']:.0%} of {seen['files']} files were there after a kill, on average\n"
     )
+    if options.record:
+        command = f"python tests/killed_jobs.py {options.kills} --record"
+        recorded("kills", [{"of": "jobs"} | seen], command)
+    return int(bool(seen["different"] or seen["again"]))
 
 
 if __name__ == "__main__":
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as made:
-        at_random(Path(made), int(sys.argv[1]), seed=20)
+    raise SystemExit(main())

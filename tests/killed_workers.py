@@ -1,12 +1,14 @@
 """Workers and schedulers of a cluster that are killed at random while jobs run: the same bytes.
 
-``python tests/killed_workers.py 20`` kills twenty workers and says what it saw;
-``python tests/killed_workers.py 5 scheduler`` kills five schedulers, each with a job that is then
-resumed on a new cluster.
+``python tests/killed_workers.py 20 [--record]`` kills twenty workers and says what it saw;
+``python tests/killed_workers.py 5 --scheduler [--record]`` kills five schedulers, each with a job
+that is then resumed on a new cluster.
 """
 
 from __future__ import annotations
 
+import argparse
+import logging
 import os
 import random
 import shutil
@@ -25,6 +27,7 @@ import impasto
 from impasto import jobs
 from impasto.io import write_stack
 from killed_jobs import stack, tree
+from recorded_faults import recorded
 
 SIZE = (150, 170)
 OPTIONS: dict[str, Any] = {"pooling": "none", "tile": 32}
@@ -43,8 +46,8 @@ def kill_at_random(cluster: Any, count: int, done: threading.Event, kills: list[
             kills.append(process)
 
 
-def at_random(folder: Path, count: int) -> int:
-    """Jobs until so many workers are killed; the number of stores that differ."""
+def at_random(folder: Path, count: int) -> dict[str, Any]:
+    """Jobs until so many workers are killed; what was seen."""
     from distributed import Client, LocalCluster
 
     source, out = folder / "painting.npz", folder / "a.zarr"
@@ -79,7 +82,7 @@ def at_random(folder: Path, count: int) -> int:
         f"{len(kills)} workers killed in {made} jobs of {len(expected)} files: {different} stores "
         f"differ from that of a local job; {again} jobs had to be resumed\n"
     )
-    return different
+    return {"of": "workers", "kills": len(kills), "jobs": made, "different": different}
 
 
 @contextmanager
@@ -108,8 +111,8 @@ def started(place: Path) -> Iterator[tuple[Any, Any]]:
         client.close(timeout=5)
 
 
-def without_scheduler(folder: Path, count: int) -> int:
-    """Jobs whose scheduler is killed at a random tile; the number of stores that differ."""
+def without_scheduler(folder: Path, count: int) -> dict[str, Any]:
+    """Jobs whose scheduler is killed at a random tile; what was seen."""
     source, out = folder / "painting.npz", folder / "a.zarr"
     write_stack(source, stack(SIZE))
     expected = tree(impasto.run(source, folder / "whole.zarr", **OPTIONS))
@@ -143,13 +146,25 @@ def without_scheduler(folder: Path, count: int) -> int:
         f"{tiles} of 30 tiles, and resumed on a new cluster: {different} stores differ from that "
         "of a local job\n"
     )
-    return different
+    return {"of": "schedulers", "kills": len(tiles), "jobs": count, "different": different}
+
+
+def main() -> int:
+    """1 if a byte differs."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kills", type=int)
+    parser.add_argument("--scheduler", action="store_true")
+    parser.add_argument("--record", action="store_true")
+    options = parser.parse_args()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    kind = without_scheduler if options.scheduler else at_random
+    with tempfile.TemporaryDirectory() as place:
+        seen = kind(Path(place), options.kills)
+    if options.record:
+        command = f"python tests/killed_workers.py {options.kills}"
+        recorded("cluster_kills", [seen], f"{command}{' --scheduler' * options.scheduler} --record")
+    return int(bool(seen["different"]))
 
 
 if __name__ == "__main__":
-    import logging
-
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with tempfile.TemporaryDirectory() as place:
-        kind = without_scheduler if "scheduler" in sys.argv[2:] else at_random
-        sys.exit(kind(Path(place), int(sys.argv[1])))
+    raise SystemExit(main())

@@ -47,10 +47,7 @@ SPARE = 48 << 20
 
 def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
     """Calls on square pictures of so many rows, whose inputs are made here."""
-    # Arrays come from the system and go back to it, and threads reserve no heaps of their own:
-    # else a call finds room in those of an earlier one.
-    LIBC.mallopt(MMAP_THRESHOLD, 1 << 18)
-    LIBC.mallopt(ARENA_MAX, 1)
+    keep_no_room()
     directions = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9), (0, 0, 1)]
     lights = [*directions, (0.3, 0.3, 1)]
     random = np.random.default_rng(1)
@@ -72,11 +69,21 @@ def calls(size: int, folder: Path) -> dict[str, Callable[[], Any]]:
         "fit_sbrdf": lambda: impasto.fit_sbrdf(stack, pooling="painting", check=False, threads=2),
         "fit_lobes": lambda: impasto.fit_sbrdf(part, pooling="pixel", check=False, threads=2),
         "render": lambda: impasto.render(sbrdf, scene, threads=2),
+        "render_smaller": lambda: impasto.render(sbrdf, scene, reduce=2, threads=2),
         "cast_shadows": lambda: impasto.cast_shadows(height, 0.1, (0.8, 0.1, 0.3), threads=2),
         "predict": lambda: sbrdf.predict(scene.lights, threads=2),
         "run": lambda: job(stack, folder / "job.zarr"),
         "read_image": lambda: (io.read_image(folder / "a.tif"), io.read_image(folder / "a.exr")),
     }
+
+
+def keep_no_room() -> None:
+    """Let arrays come from the system and go back to it, and threads reserve no heaps of their own.
+
+    Else a call finds room in those of an earlier one.
+    """
+    LIBC.mallopt(MMAP_THRESHOLD, 1 << 18)
+    LIBC.mallopt(ARENA_MAX, 1)
 
 
 def job(stack: impasto.Stack, out: Path) -> None:

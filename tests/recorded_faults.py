@@ -16,13 +16,13 @@ ALL = "all"
 def recorded(table: str, rows: list[dict[str, Any]], command: str) -> None:
     """Put rows into a table of the record, with the command that made them.
 
-    Rows are known by their first entry; those that were not made anew stay.
+    Rows are known by their first entry; those that were not made anew stay, each with its command.
     """
     content = json.loads(RECORD.read_text(encoding="utf-8"))
     name = next(iter(rows[0]))
     known = {row[name]: row for row in content.get(table, ()) if name in row}
-    content[table] = list((known | {row[name]: row for row in rows}).values())
-    content["run"][table] = command
+    made = {row[name]: row | {"command": command} for row in rows}
+    content[table] = list((known | made).values())
     RECORD.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 

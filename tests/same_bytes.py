@@ -26,11 +26,10 @@ from killed_jobs import stack
 from processes import run, surroundings
 
 SIZE = (150, 170)
-"""Nine tiles of 64, four of 100, one of 256 pixels."""
+"""Nine tiles of 64, four of 100, one of 256 or more pixels; jobs cut their one to 192 pixels."""
 THREADS, TILES = (1, 2, 3, 5, 8), (64, 100, 256, 1024)
 SETS = ("baseline", "avx2", "avx512")
 """Those that the processor does not have are left out."""
-ASKED = "from impasto import _core; print(_core.build_info()['simd'])"
 OPTIONS: dict[str, Any] = {"pooling": "pixel", "lobes": 2}
 """Lobes per pixel, whose searches start from neighbours: tiles need a border."""
 

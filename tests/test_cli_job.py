@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -10,17 +11,20 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import impasto
 from command_line import complaint
 from impasto import jobs
+from impasto._internal import regular
 from impasto.cli import main
 from impasto.io import write_lights, write_stack, write_tiff16
 from interrupted_jobs import interrupting
 from killed_jobs import stack, tree
 from processes import surroundings
+from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 
@@ -206,6 +210,76 @@ def test_a_full_disk_ends_with_a_job_to_resume(
     assert f"impasto job resume {out}" in said
     assert "Traceback" not in said
     assert main(["job", "resume", str(out), "--quiet"]) == 0
+
+
+@pytest.mark.parametrize("call", ["open", "read"])
+def test_photographs_whose_disk_fails_end_with_a_job_to_resume(
+    call: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path, out, fit = photographs(tmp_path), tmp_path / "painting.zarr", jobs.job.fit_tiles
+    unplugged = False
+
+    class OfADisk(regular.Handle):
+        def __init__(self, *given: Any, **options: Any) -> None:
+            if unplugged and call == "open":
+                raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+            super().__init__(*given, **options)
+
+        def seek(self, *place: int) -> int:
+            if unplugged and call == "read":
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            return super().seek(*place)
+
+    def unplug(*given: Any, **options: Any) -> None:
+        nonlocal unplugged
+        unplugged = True
+        fit(*given, **options)
+
+    few = ["--memory", "1MB", "--sample", "1"]
+    with monkeypatch.context() as patched:
+        patched.setattr(regular, "Handle", OfADisk)
+        patched.setattr("impasto.jobs.job.fit_tiles", unplug)
+        assert main(job(path, out, *few)) == 4
+    said = capsys.readouterr().err
+    problem = "No such device" if call == "open" else "Input/output error"
+    assert f".tif: cannot be read ({problem})" in said
+    assert f"go on with: impasto job resume {out}" in said
+    assert "Traceback" not in said
+    # A name that is wrong is an error of the call, though there is a job to resume.
+    wrong = job(path, out, *few, "--mask", str(tmp_path / "nowhere.png"))
+    assert "nowhere.png" in complaint(wrong, 1, capsys)
+    assert main(["job", "resume", str(out), "--quiet"]) == 0
+
+
+def test_a_job_without_memory_says_how_to_take_less(
+    source: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "painting.zarr"
+
+    def no_room(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patched:
+        patched.setattr("impasto.jobs.job.open_photographs", no_room)
+        said = complaint(job(source, out, "--quiet", "--memory", "3GiB"), 1, capsys)
+        assert said.endswith("not enough memory: give less than 3GiB, such as --memory 1536MiB")
+        patched.setattr(jobs, "ingest", no_room)
+        words = ["ingest", str(source), "--out", str(tmp_path / "stack.zarr"), "--memory", "2MiB"]
+        assert complaint(words, 1, capsys).endswith("less than 2MiB, such as --memory 1MiB")
+    with monkeypatch.context() as patched:
+        patched.setattr("impasto.jobs.job.fit_tiles", no_room)
+        assert main(job(source, out)) == 4
+    said = capsys.readouterr().err
+    assert "begin anew with smaller tiles (impasto job run --no-resume --tile)" in said
+    assert f"go on with: impasto job resume {out} --memory 2048MiB" in said
+    assert "--region" not in said
+    assert main(["job", "resume", str(out), "--quiet", "--memory", "2048MiB"]) == 0
 
 
 def test_missing_photographs_make_a_result_partial(

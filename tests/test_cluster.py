@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import distributed
 import numpy as np
 import pytest
+from distributed.comm import CommClosedError
 
 import impasto
-from impasto import ArgumentError, jobs
+from impasto import ArgumentError, _core, jobs
 from impasto.cli import main
 from impasto.io import write_jpeg, write_lights, write_png8, write_stack
 from impasto.jobs import cluster as client_side
+from impasto.jobs.learning import digest_of
+from impasto.jobs.worker import SharedJob, fit_tile, release
 from interrupted_jobs import interrupting
 from killed_jobs import stack, tree
 from test_jobs import photographs
@@ -209,6 +214,50 @@ def test_errors_of_workers_end_a_job_that_can_be_resumed(
     assert ".partial" in str(error.value.filename)
     assert not out.exists()
     assert tree(impasto.run(source, out, client=client, **NONE)) == expected
+
+
+def test_a_written_tile_is_in_the_journal_before_the_scheduler_is_asked(
+    client: Any, source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scheduler is lost when the first tile is done."""
+    out = tmp_path / "a.zarr"
+    calls = itertools.count(1)
+
+    def tiles(_: Any) -> int:
+        if next(calls) > client_side.FEWEST:
+            raise CommClosedError("gone")
+        return client_side.FEWEST
+
+    monkeypatch.setattr(client_side._HandedOut, "tiles", tiles)
+    with pytest.raises(impasto.ClusterError, match="the scheduler is gone; resume"):
+        impasto.run(source, out, client=client, **NONE)
+    assert jobs.status(out).tiles_done == 1
+
+
+def test_a_worker_makes_smaller_scales_on_one_thread(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others of its threads are at the next tile."""
+    out = tmp_path / "a.zarr"
+    with interrupting(2) as stop:
+        impasto.run(source, out, progress=stop, **NONE)
+    notes = (partial := tmp_path / "a.zarr.partial") / "job"
+    job = SharedJob(partial, *(digest_of(notes / name) for name in ("job.json", "learned.npz")), 1)
+    reduced, taken = _core.reduced_surface, set()
+
+    def counted(*given: Any) -> Any:
+        taken.add(given[-1])
+        return reduced(*given)
+
+    worker = SimpleNamespace(address="here", state=SimpleNamespace(nthreads=2))
+    monkeypatch.setenv("IMPASTO_NUM_THREADS", "3")
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    monkeypatch.setattr(_core, "reduced_surface", counted)
+    try:
+        fit_tile(job, (1, 1), False)
+    finally:
+        release(job)
+    assert taken == {1}
 
 
 def dying() -> None:

@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -34,6 +35,7 @@ from impasto.io import (
     write_png16,
     write_tiff32,
 )
+from impasto.io.folders import new_folder
 from impasto.io.results.zarr_store import ZarrStore
 from impasto.report import report, write_report
 
@@ -101,7 +103,7 @@ def test_many_photographs_take_no_more_time_each(tmp_path: Path) -> None:
     assert any("p7.png" in str(note) for note in lights.notes)
 
 
-@pytest.mark.parametrize("name", ["PIZ", "B44", "B44A", "RLE"])
+@pytest.mark.parametrize("name", ["PIZ", "B44", "B44A", "RLE", "DWAA", "DWAB"])
 @pytest.mark.parametrize("tiled", [False, True])
 def test_an_exr_that_ends_in_zeros_is_damaged(tmp_path: Path, name: str, tiled: bool) -> None:
     """A preallocated copy that was not finished; the decoders take the zeros for codes."""
@@ -433,3 +435,21 @@ def test_an_error_in_a_hidden_folder_is_about_the_result_that_was_asked_for(tmp_
         raise OSError(errno.ENOSPC, "full", str(folder / "maps.zarr" / "angle"))
     assert error.value.filename == str(out / "maps.zarr" / "angle")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_mask_of_new_files_is_read_without_changing_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else what other threads make in that moment may be written by everybody."""
+    before = os.umask(0o027)
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "umask", None)
+            atomic_bytes(tmp_path / "a.txt", b"a")
+            with new_folder(tmp_path / "b"):
+                pass
+            made(tmp_path / "c", d_txt=b"d")
+    finally:
+        os.umask(before)
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
+    assert modes == {"a.txt": 0o640, "b": 0o750, "c": 0o750}

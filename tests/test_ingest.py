@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import threading
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,6 +21,7 @@ from command_line import complaint
 from impasto import ArgumentError, CorruptInputError, PointLight, Rig
 from impasto.cli import main
 from impasto.io import open_source, write_lights, write_png8, write_stack
+from impasto.jobs import photographs as reading
 from killed_jobs import stack
 from test_jobs import PIXEL, photographs, same
 
@@ -176,6 +182,84 @@ def test_an_interrupted_call_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         impasto.ingest(stack(), tmp_path / "stack.zarr", tile=32, progress=stop)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", ["same", "other"])
+def test_a_photograph_that_changes_ends_the_call_and_one_of_another_date_does_not(
+    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = photographs(tmp_path), tmp_path / "stack.zarr"
+    file = tmp_path / "light3.tif"
+    entries, hashed = reading.file_entries, threading.Event()
+
+    def told(*given: Any) -> list[dict[str, Any]]:
+        found = entries(*given)
+        hashed.set()
+        return found
+
+    def change(done: int, total: int) -> None:
+        if done == total:
+            assert hashed.wait(60.0), "before, nobody can know what the file held"
+            data = bytearray(file.read_bytes())
+            data[-1] ^= content == "other"
+            file.write_bytes(data)
+            os.utime(file, (10.0, 10.0))
+
+    monkeypatch.setattr(reading, "file_entries", told)
+    if content == "same":
+        impasto.ingest(path, out, tile=64, progress=change)
+        assert_same(impasto.read_stack(out), impasto.read_stack(path))
+        return
+    with pytest.raises(impasto.ResumeMismatchError, match=r"light3\.tif has changed while it was"):
+        impasto.ingest(path, out, tile=64, progress=change)
+    assert not out.exists()
+
+
+def test_an_interrupted_call_does_not_wait_for_the_hashes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = photographs(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    to_the_end: list[bool] = []
+
+    def slow(paths: object, report: Callable[[int, int], object], *_: Any) -> list[dict[str, Any]]:
+        for step in range(500):
+            report(step, 500)
+            time.sleep(0.01)
+        to_the_end.append(True)
+        return []
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(reading, "file_entries", slow)
+    with pytest.raises(KeyboardInterrupt):
+        impasto.ingest(path, tmp_path / "stack.zarr", tile=32, progress=stop)
+    assert not to_the_end
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_photographs_that_cannot_be_hashed_are_not_written_to_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, failing = photographs(tmp_path), threading.Event()
+    before = sorted(tmp_path.iterdir())
+    seen: list[int] = []
+
+    def unplugged(*_: Any) -> list[dict[str, Any]]:
+        failing.set()
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
+    def wait(done: int, total: int) -> None:
+        assert failing.wait(60.0)
+        time.sleep(0.1)
+        seen.append(total - done)
+
+    monkeypatch.setattr(reading, "file_entries", unplugged)
+    with pytest.raises(OSError, match="Input/output error"):
+        impasto.ingest(path, tmp_path / "stack.zarr", tile=32, progress=wait)
+    assert min(seen, default=1) > 0
+    assert sorted(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize(

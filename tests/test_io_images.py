@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +16,7 @@ import pytest
 import tifffile
 
 import impasto
+from impasto._internal import regular
 from impasto.io import read_header, read_image
 
 RNG = np.random.default_rng(3)
@@ -247,6 +251,47 @@ def test_a_damaged_jpeg_is_refused_by_name(
     with pytest.raises(impasto.CorruptInputError, match=r"a\.jpg: is damaged \(Corrupt JPEG"):
         read_image(path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_tiff_on_a_disk_that_fails_is_not_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever of its reads fails; tifffile leaves out pages that it cannot read."""
+    path = tmp_path / "a.tif"
+    with tifffile.TiffWriter(path) as file:
+        for plane in RGB16:
+            file.write(plane, photometric="minisblack", compression="zlib", metadata=None)
+    wanted = read_image(path)
+    left = 0
+
+    class Failing(regular.Handle):
+        """A handle that from one step on cannot be read."""
+
+        def read(self, *size: Any) -> bytes:
+            self._step()
+            return super().read(*size)
+
+        def readinto(self, buffer: Any) -> int:
+            self._step()
+            return super().readinto(buffer)
+
+        def _step(self) -> None:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                other = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(other, self.fileno())
+                os.close(other)
+
+    monkeypatch.setattr(regular, "Handle", Failing)
+    failed = 0
+    while left <= 0:
+        failed += 1
+        left = failed
+        with contextlib.suppress(impasto.ArgumentError):
+            np.testing.assert_array_equal(read_image(path), wanted)
+            assert left > 0, "an error was passed over"
+    assert failed > 9
 
 
 def test_unfinished_tiff_is_refused(tmp_path: Path) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import dask.array
 import pytest
 
 import impasto
@@ -15,7 +19,7 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.cli import main
 from impasto.jobs import photographs as reading
 from interrupted_jobs import interrupting
-from killed_jobs import in_child, tree
+from killed_jobs import in_child, stack, tree
 from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -29,13 +33,13 @@ def while_hashing(act: Callable[[int, int], object]) -> Callable[..., list[dict[
     """Hash files, and do this whenever some of them has been read."""
 
     def instead(
-        paths: Sequence[Path], report: Callable[[int, int], object]
+        paths: Sequence[Path], report: Callable[[int, int], object], *more: Any
     ) -> list[dict[str, Any]]:
         def told(done: int, total: int) -> None:
             report(done, total)
             act(done, total)
 
-        return HASHES(paths, told)
+        return HASHES(paths, told, *more)
 
     return instead
 
@@ -147,9 +151,40 @@ def test_ctrl_c_while_photographs_are_hashed_leaves_nothing(
     assert not out.with_name("painting.zarr.partial").exists()
 
 
-def _for_ever(paths: Sequence[Path], report: Callable[[int, int], object]) -> list[dict[str, Any]]:
+def _for_ever(
+    paths: Sequence[Path], report: Callable[[int, int], object], *_: Any
+) -> list[dict[str, Any]]:
     while True:
         report(0, 1)
+
+
+@pytest.mark.parametrize("when", ["before", "while"])
+def test_photographs_that_cannot_be_hashed_end_the_learning(
+    when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The model is learned for hours, and nothing can come of it."""
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    before = tree(tmp_path)
+    learning = threading.Event()
+
+    def unplugged(*_: Any) -> list[dict[str, Any]]:
+        if when == "while":
+            assert learning.wait(60.0)
+        raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+
+    def learn(*_: Any, progress: bool | Callable[[int, int], object], **__: Any) -> None:
+        learning.set()
+        for _step in range(600):
+            if callable(progress):
+                progress(0, 1)
+            time.sleep(0.01)
+        pytest.fail("the model is learned to the end")
+
+    monkeypatch.setattr("impasto.jobs.learning.learn_sbrdf", learn)
+    monkeypatch.setattr(reading, "file_entries", unplugged)
+    with pytest.raises(OSError, match=r"Input/output error: '.*dirs\.lp'"):
+        begun(path, out)
+    assert tree(tmp_path) == before
 
 
 def test_a_job_that_is_killed_while_it_hashes_can_be_begun_again(tmp_path: Path) -> None:
@@ -203,3 +238,14 @@ def test_what_is_no_job_is_not_written_into(tmp_path: Path) -> None:
         begun(path, tmp_path / "painting.zarr")
     assert tree(tmp_path) == before
     assert [one.name for one in foreign.iterdir()] == ["letter.txt"]
+
+
+def test_what_is_no_photographs_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    samples = dask.array.from_array(stack().samples)
+    lazy = impasto.LazyStack(samples, lights=stack().rig, scale=1 / 4095)
+    with pytest.raises(ArgumentError, match=r"source: .*LazyStack; fit it by .*impasto ingest"):
+        impasto.run(lazy, tmp_path / "a.zarr", pooling="none")  # type: ignore[arg-type]
+    for other in (samples, stack().samples, None):
+        with pytest.raises(ArgumentError, match=r"source: a job cannot read a .*; expected the"):
+            impasto.run(other, tmp_path / "a.zarr", pooling="none")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []

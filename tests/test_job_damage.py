@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -17,6 +18,7 @@ import impasto
 from failing_steps import OPTIONS
 from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
+from impasto.io import write_stack
 from impasto.jobs import inspection, journal
 from interrupted_jobs import interrupting
 from killed_jobs import tree
@@ -178,6 +180,41 @@ def test_dates_of_files_do_not_matter(unfinished: Path, finished: Path, tmp_path
     assert tree(out) == tree(finished)
 
 
+def another_date(path: Path) -> None:
+    """As a backup program leaves a file: the same content, another date and another number."""
+    copy = path.with_name("copy")
+    shutil.copyfile(path, copy)
+    os.utime(copy, (10.0, 10.0))
+    copy.replace(path)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".zarr"])
+def test_dates_of_photographs_do_not_matter(suffix: str, tmp_path: Path, finished: Path) -> None:
+    """Not while the job runs; a content that is another one does, whatever its date."""
+    source, copy = tmp_path / f"stack{suffix}", tmp_path / "kept"
+    write_stack(tmp_path / "stack.npz", small_stack())
+    impasto.ingest(small_stack(), tmp_path / "stack.zarr", tile=16)
+    file = source if suffix == ".npz" else source / "samples/c/0/0/0/1"
+    shutil.copy2(file, copy)
+
+    def touch(done: int, total: int) -> None:
+        if done == 1:
+            another_date(file)
+
+    out = impasto.run(source, tmp_path / "a.zarr", progress=touch, **OPTIONS)
+    assert jobs.verify(out) == ()
+    assert (out / "normal/c/0/0/1").read_bytes() == (finished / "normal/c/0/0/1").read_bytes()
+
+    def change(done: int, total: int) -> None:
+        if done == total:
+            flip(file, "any", np.random.default_rng(3))
+
+    with pytest.raises(ResumeMismatchError, match=f"{file.name} has changed while the job ran"):
+        impasto.run(source, tmp_path / "b.zarr", progress=change, **OPTIONS)
+    shutil.copy(copy, file)
+    assert tree(jobs.resume(tmp_path / "b.zarr")) == tree(out)
+
+
 def test_a_journal_that_is_begun_while_it_is_read_is_well(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,3 +251,27 @@ def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:
         finally:
             ended.set()
         assert watching.result() == []
+
+
+def test_hidden_files_of_others_are_left_alone(unfinished: Path, tmp_path: Path) -> None:
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    shutil.copytree(unfinished.with_name(partial.name), partial)
+    foreign = (".DS_Store", "job/.notes-2026.txt", "normal/c/0/0/.nfs0012ab", ".a-b.tmp.png")
+    left = ("normal/c/0/0/.1-0123456789ab.tmp", "job/.learned-a_b0c1d2.partial.npz")
+    left += ("job/.journal-abcdefgh.partial.jsonl",)
+    for name in foreign + left:
+        (partial / name).write_bytes(b"half")
+    jobs.resume(out, source=small_stack())
+    assert all((out / name).read_bytes() == b"half" for name in foreign)
+    assert not any((out / name).exists() for name in left)
+
+
+def test_a_finished_store_is_read_where_there_are_no_locks(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "a.zarr"
+    shutil.copytree(finished, out)
+    (out / "job" / "lock").touch()
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    assert jobs.status(out).state == "finished"
+    assert [Path(one.file).name for one in jobs.verify(out)] == ["lock"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import re
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,7 +15,7 @@ import pytest
 import impasto
 from impasto import CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
-from impasto.io.json_lines import opened_line, sealed_line
+from impasto.io.json_lines import JournalFile, opened_line, read_lines, sealed_line
 from killed_jobs import OPTIONS, stack, tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -90,6 +93,23 @@ def test_a_crate_has_no_damaged_tile(store: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "crate").exists()
 
 
+def test_a_crate_has_no_file_of_others(store: Path, tmp_path: Path) -> None:
+    out = tmp_path / "painting.zarr"
+    shutil.copytree(store, out)
+    foreign = [out / ".DS_Store", out / "normal" / "notes.txt"]
+    for path in foreign:
+        path.write_bytes(b"of somebody else")
+    with pytest.raises(CorruptInputError, match=r"\.DS_Store: does not .*; nor do 1 more files"):
+        jobs.export_ro_crate(out, tmp_path / "crate")
+    assert not (tmp_path / "crate").exists()
+    for path in foreign:
+        path.unlink()
+    # What a process leaves that is killed in its last step is no part of the result.
+    (out / "job" / "lock").touch()
+    crate = jobs.export_ro_crate(out, tmp_path / "crate")
+    assert tree(crate / "painting.zarr") == tree(store)
+
+
 def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) -> None:
     out = tmp_path / "painting.zarr"
     shutil.copytree(store, out)
@@ -97,3 +117,37 @@ def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) ->
     record.write_text(record.read_text().replace('"format": 1', '"format": 0'))
     with pytest.raises(CorruptInputError, match=r"has the format 0, .* use the version that made"):
         jobs.status(out)
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """No file of this process grows further: a disk that is full, and stays so."""
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_journal_on_a_disk_that_stays_full_names_its_file_and_can_go_on(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    journal = JournalFile(path, 0, {"job": "a"})
+    journal.append({"tile": 1})
+    whole = path.read_bytes()
+    with files_of_at_most(len(whole) + 5):
+        # Half a line fits.
+        with pytest.raises(OSError, match=re.escape(str(path))) as error:
+            journal.append({"tile": 2})
+        assert error.value.errno == errno.EFBIG
+        other = JournalFile(path, len(whole), {})
+        with pytest.raises(OSError, match=re.escape(str(path))):
+            other.append({"tile": 2})
+        other.close()
+    journal.append({"tile": 3})
+    journal.close()
+    found: list[object] = []
+    read_lines(path, lambda content, _: found.append(content))
+    assert found == [{"job": "a"}, {"tile": 1}, {"tile": 3}]

@@ -255,7 +255,7 @@ def test_what_is_torn_or_lost_is_made_again(
     journal.write_bytes(journal.read_bytes() + b'{"estimated": 12, "sha')
     shard = partial / "normal" / "c" / "0" / "0" / "1"
     shard.write_bytes(shard.read_bytes()[:-9])
-    (partial / "normal" / "c" / "0" / "0" / ".1-abc").write_bytes(b"half")
+    (partial / "normal" / "c" / "0" / "0" / ".1-abc.tmp").write_bytes(b"half")
     assert [one.file for one in jobs.verify(out)] == [str(shard)]
     assert tree(jobs.resume(out, source=stack())) == expected
     assert "tile (0, 1) is fitted again" in caplog.text

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import impasto
-from impasto import jobs
+from impasto import _core, jobs
 from impasto.jobs import job
 from impasto.jobs.pipeline import BEHIND, pipelined
 from killed_jobs import OPTIONS, stack
@@ -97,3 +97,19 @@ def test_a_running_job_says_what_it_is_at(tmp_path: Path, monkeypatch: pytest.Mo
         *("reading", "learning", "tiles", "scales"),
         None,
     ]
+
+
+def test_smaller_scales_take_the_threads_of_the_job(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reduced, taken = _core.reduced_surface, set()
+
+    def counted(surface: Any, height: Any, factor: int, threads: int) -> Any:
+        taken.add((factor, threads))
+        return reduced(surface, height, factor, threads)
+
+    monkeypatch.setenv("IMPASTO_NUM_THREADS", "3")
+    monkeypatch.setattr(_core, "reduced_surface", counted)
+    out = impasto.run(stack(), tmp_path / "a.zarr", pooling="none", tile=32, threads=1)
+    assert (out / "levels" / "4").is_dir()
+    assert taken == {(2, 1)}

@@ -27,6 +27,22 @@ with tempfile.TemporaryDirectory() as name:
     print({call: dict(memory_limits.sweep(known[call], 4)) for call in chosen})
 """
 
+SMALLER = """
+import numpy as np
+import impasto
+import memory_limits
+from impasto.lighting import reduced
+memory_limits.keep_no_room()
+normal = np.zeros((3, 1024, 1024), np.float32)
+normal[2] = 1.0
+diffuse = np.full((33, 1024, 1024), 0.5, np.float32)
+surface = impasto.Surface(normal=normal, diffuse=diffuse, lobes=(), model="lafortune")
+call = lambda: reduced(surface, None, 1, 1)
+maps = normal.nbytes + diffuse.nbytes
+rooms = [maps * step // 4 for step in (2, 4, 6, 8, 9, 10, 11)]
+print([memory_limits.limited(call, room)[0] for room in rooms])
+"""
+
 
 def test_a_call_without_memory_raises() -> None:
     """Results where there is enough, MemoryError elsewhere; the process goes on in any case."""
@@ -35,6 +51,14 @@ def test_a_call_without_memory_raises() -> None:
     for call, endings in found.items():
         assert endings.keys() <= {memory_limits.RESULT, memory_limits.REFUSED}, call
         assert endings.keys() >= {memory_limits.RESULT, memory_limits.REFUSED}, call
+
+
+def test_smaller_maps_take_no_more_memory_than_they_ask_for() -> None:
+    """They are made where they will stand: two and a half times their size are enough."""
+    endings = ast.literal_eval(processes.run(SMALLER))
+    assert set(endings) <= {memory_limits.RESULT, memory_limits.REFUSED}, endings
+    assert endings[0] == memory_limits.REFUSED
+    assert endings[-2:] == [memory_limits.RESULT] * 2
 
 
 def test_an_ended_process_is_a_fault() -> None:

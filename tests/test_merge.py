@@ -329,11 +329,29 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     # One of the tiles was torn, as by a failing disk, and one was being written.
     shard = partial / "normal/c/0/0/1"
     shard.write_bytes(shard.read_bytes()[:-9])
-    (partial / "normal/c/0/0/.2-abc").write_bytes(b"half")
+    (partial / "normal/c/0/0/.2-abc.tmp").write_bytes(b"half")
     done: list[int] = []
     impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
     assert done[:2] == [0, 2], "two tiles are kept"
     assert tree(out) == tree(whole)
+    assert impasto.jobs.verify(out) == ()
+
+
+def test_a_merge_whose_name_another_has_meanwhile_is_refused_before_it_blends(
+    lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    """The other one ends while the frames are registered."""
+    out, done = tmp_path / "merged.zarr", []
+
+    def other_ends(count: int, total: int) -> None:
+        if not done:
+            impasto.merge(parts(lobed), out, tile=128)
+        done.append(count)
+
+    with pytest.raises(impasto.ArgumentError, match=r"merged\.zarr exists; remove it or give"):
+        impasto.merge(parts(lobed), out, tile=48, progress=other_ends)
+    assert done == [0]
+    assert [path.name for path in tmp_path.iterdir()] == ["merged.zarr"]
     assert impasto.jobs.verify(out) == ()
 
 

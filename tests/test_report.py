@@ -65,6 +65,14 @@ def test_sha256sum_agrees(tmp_path: Path) -> None:
     assert report.file_entry(file)["sha256"] == tool.stdout.split()[0]
 
 
+def test_a_file_whose_disk_fails_is_named() -> None:
+    memory = Path("/proc/self/mem")  # nothing lies at its first address
+    if not memory.exists():
+        pytest.skip("only Linux has a file that cannot be read")
+    with pytest.raises(OSError, match="Input/output error: '/proc/self/mem'"):
+        report.file_entry(memory)
+
+
 def test_what_was_made_is_hashed_by_its_name_in_the_folder(tmp_path: Path) -> None:
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "a.exr").write_bytes(b"abc")

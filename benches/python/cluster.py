@@ -9,7 +9,7 @@ thread. The difference of processor times (of this process, in which the schedul
 worker) over the number of tiles is what dask costs; wall-clock times stand beside it. Rounds
 alternate; the median counts. ``tasks`` is how many there are for a tile, those that read not
 counted: small tiles share the chunks of the maps. *Apart*: every tile has chunks of its own, as
-tiles of more than 256 x 256 pixels have.
+tiles of more than 512 x 512 pixels have.
 
 Workers: the second pass of a job with lobes per pixel, some seconds per tile, on a cluster of one
 worker and on one of two, of one thread each. Rounds alternate; the median of the ratios of

@@ -36,7 +36,7 @@ WORKER = Path(__file__).with_name("version_calls.py")
 def photographs(
     folder: Path, name: str, size: int, rig: impasto.Rig, camera: str, every: int, model: Any
 ) -> Path:
-    """Write photographs of a simulated painting; every so manieth is held out, without noise."""
+    """Write photographs of a simulated painting; every n-th is held out, without noise."""
     held = np.arange(every // 2, len(rig), every)
     train = np.setdiff1d(np.arange(len(rig)), held)
     relief = 1.0 if model == "lafortune" else 1.5

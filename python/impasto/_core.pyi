@@ -24,6 +24,7 @@ from impasto.surface import Surface
 @type_check_only
 class BuildInfo(TypedDict):
     version: str
+    sources: str
     debug: bool
     simd: str
 

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
+from io import FileIO
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -68,7 +69,9 @@ def file_entry(
 
 
 def file_entries(
-    paths: Sequence[Path], report: Callable[[int, int], object]
+    paths: Sequence[Path],
+    report: Callable[[int, int], object],
+    found: Callable[[Path, dict[str, Any]], object] = lambda path, entry: None,
 ) -> list[dict[str, Any]]:
     """:func:`file_entry` of many files, some at a time.
 
@@ -78,6 +81,8 @@ def file_entries(
         The files.
     report
         Called with (bytes read, bytes in all), by one thread at a time; an error of it ends all.
+    found
+        Called with each file and its entry as soon as that is known, by any thread.
 
     Raises
     ------
@@ -94,11 +99,16 @@ def file_entries(
             done += count
             report(done, total)
 
+    def entry_of(path: Path) -> dict[str, Any]:
+        entry = _entry(path, None, add)
+        found(path, entry)
+        return entry
+
     add(0)
     with Pool(HASHED) as pool:
-        found = [pool.submit(_entry, path, None, add) for path in paths]
+        entries = [pool.submit(entry_of, path) for path in paths]
         try:
-            return [one.result() for one in found]
+            return [one.result() for one in entries]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -110,12 +120,20 @@ def _entry(
     digest, size = hashlib.sha256(), 0
     block = memoryview(bytearray(BLOCK))
     with path.open("rb", buffering=0) as file:
-        while count := file.readinto(block):
+        while count := _filled(block, file, path):
             digest.update(block[:count])
             size += count
             add(count)
     name = path if folder is None else path.relative_to(folder)
     return {"file": name.as_posix(), "bytes": size, "sha256": digest.hexdigest()}
+
+
+def _filled(block: memoryview, file: FileIO, path: Path) -> int:
+    """Bytes that were read; an error of a disk that fails names no file by itself."""
+    try:
+        return file.readinto(block)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def status_counts(status: ArrayLike) -> dict[str, int]:

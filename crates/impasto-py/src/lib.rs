@@ -30,6 +30,7 @@ mod surface;
 fn build_info() -> BuildInfo {
     BuildInfo {
         version: env!("CARGO_PKG_VERSION"),
+        sources: env!("IMPASTO_SOURCES"),
         debug: cfg!(debug_assertions),
         simd: run::level().name(),
     }
@@ -38,6 +39,7 @@ fn build_info() -> BuildInfo {
 #[derive(IntoPyObject)]
 struct BuildInfo {
     version: &'static str,
+    sources: &'static str,
     debug: bool,
     simd: &'static str,
 }

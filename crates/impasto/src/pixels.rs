@@ -13,11 +13,18 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::math::Level;
+use crate::math::lanes::LINE;
 use crate::passes::Passes;
 
 /// Pixels of a tile: 16 photographs of 16 bits are 128 KiB, which stay in the second-level cache
 /// while the outputs of one tile are written; and a megapixel makes enough tiles for any core.
 pub const TILE: usize = 4096;
+
+/// Samples from one plane of a tile to the next: the tile's pixels and a line of the cache, for planes
+/// a power of two apart would share the few lines of one of its sets.
+pub(crate) const fn stride(tile: usize) -> usize {
+    tile + LINE / size_of::<f32>()
+}
 
 /// Threads that belong to the caller; the process-wide pool is never used.
 #[derive(Debug)]
@@ -255,6 +262,21 @@ pub fn check_room<T>(count: usize) -> Result<()> {
 pub fn zeros<T: Clone + Default>(count: usize) -> Result<Vec<T>> {
     check_room::<T>(count)?;
     Ok(vec![T::default(); count])
+}
+
+/// An empty list with room for so many, if there is any.
+///
+/// Workers ask for room at the same time, so that what one has found may be another's: nothing but the
+/// list itself is certain.
+///
+/// # Errors
+/// [`Error::Memory`] if there is not.
+pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>> {
+    check_room::<T>(count)?;
+    let mut list = Vec::new();
+    let bytes = count.saturating_mul(size_of::<T>());
+    list.try_reserve_exact(count).map_err(|_| Error::Memory { bytes })?;
+    Ok(list)
 }
 
 /// The next tile that nobody has taken.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures import wait as wait_for_all
+from contextlib import contextmanager
 from queue import Empty, SimpleQueue
-from threading import Lock
+from threading import Event, Lock
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from impasto._internal.threads import start
@@ -104,3 +105,34 @@ def _do(future: Future[Any], act: Callable[[], Any]) -> None:
         future.set_exception(error)
     else:
         future.set_result(found)
+
+
+class Stop:
+    """Ends what another thread does, where that looks at it."""
+
+    def __init__(self) -> None:
+        self._stopped = Event()
+
+    def set(self) -> None:
+        """Nobody waits for what the other thread does any more."""
+        self._stopped.set()
+
+    def check(self) -> None:
+        """Raise an error, which nobody sees, if that is so."""
+        if self._stopped.is_set():
+            raise _StoppedError
+
+
+class _StoppedError(Exception):
+    """Nobody waits for what this thread does."""
+
+
+@contextmanager
+def beside(work: Callable[[], Found], stop: Stop) -> Iterator[Future[Found]]:
+    """Something on a thread of its own, which looks at ``stop``: an error of the block sets it."""
+    with Pool(1) as pool:
+        try:
+            yield pool.submit(work)
+        except BaseException:
+            stop.set()
+            raise

@@ -5,8 +5,11 @@ from __future__ import annotations
 import io
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +27,29 @@ _NARROW = 4
 """A row of which less than a quarter is wanted is read alone."""
 _AT_ONCE = 1 << 24
 """Bytes that are read together where only some are wanted."""
+
+
+class Handle(io.FileIO):
+    """Remembers that the system did not give what was asked for.
+
+    Libraries that read by it may take that for damage, or leave out what they could not read.
+    """
+
+    failure: OSError | None = None
+
+    def read(self, size: int | None = -1, /) -> bytes:  # noqa: D102
+        try:
+            return super().read(size)
+        except OSError as error:
+            self.failure = error
+            raise
+
+    def readinto(self, buffer: Any, /) -> int:  # noqa: D102
+        try:
+            return super().readinto(buffer)
+        except OSError as error:
+            self.failure = error
+            raise
 
 
 class RegularFile:
@@ -81,6 +107,21 @@ class RegularFile:
                 rows[:] = np.lib.stride_tricks.as_strided(whole, rows.shape, (stride, 1))
         return found
 
+    @contextmanager
+    def given_to_a_library(self) -> Iterator[None]:
+        """A block in which a library reads by the handle.
+
+        Raises
+        ------
+        ArgumentError
+            The system did not give all that was asked for, whatever the library made of it.
+        """
+        try:
+            yield
+        finally:
+            if self.handle.failure is not None:
+                raise unreadable(self.path, self.handle.failure) from self.handle.failure
+
     def close(self) -> None:
         """Close the file."""
         self.handle.close()
@@ -130,12 +171,12 @@ def check_regular(path: Path) -> None:
     _refuse(path, mode)
 
 
-def _opened(path: Path) -> io.FileIO:
+def _opened(path: Path) -> Handle:
     check_regular(path)
     # Whatever takes the place of the file in between is opened without waiting for a writer.
     extra = getattr(os, "O_NONBLOCK", 0)
     try:
-        handle = io.FileIO(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
+        handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
     except OSError as error:
         raise unreadable(path, error) from error
     try:

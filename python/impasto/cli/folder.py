@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from impasto._internal.damage import DAMAGE
+from impasto._internal.umask import umask
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder
 from impasto.io.folders import raise_by_name, sync_folders
@@ -243,6 +243,4 @@ def _replace(source: Path, target: Path) -> None:
 
 def _folder_mode() -> int:
     """The mode that ``mkdir`` would set; ``mkdtemp`` makes private folders."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o777 & ~mask
+    return 0o777 & ~umask()

@@ -7,10 +7,12 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
+from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole
 from impasto.cli.photographs import Reading
+from impasto.cli.resuming import less_than
 
 
 def ingest(
@@ -48,9 +50,12 @@ def ingest(
     if reading.region is not None:
         raise CycloptsError(msg="--region: a store holds whole photographs; leave it out")
     stages = Stages(quiet=quiet)
-    with stages.stage("tiles", "reading") as stage:
-        write(
-            stack, out, memory=memory, tile=tile, reading=reading.options(), progress=stage.advance
-        )
-        stage.note = f"in {out}"
+    options = reading.options()
+    try:
+        with stages.stage("tiles", "reading") as stage:
+            write(stack, out, memory=memory, tile=tile, reading=options, progress=stage.advance)
+            stage.note = f"in {out}"
+    except MemoryError:
+        console.complain(f"not enough memory: {less_than(memory)}")
+        return Exit.USER_ERROR
     return Exit.OK

@@ -22,8 +22,17 @@ from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
+from impasto.cli.resuming import (
+    files_words,
+    is_of_a_disk,
+    is_resumable,
+    resume_words,
+    say_how_to_repair,
+    say_how_to_resume,
+    say_how_to_take_less,
+)
 from impasto.effort import Preset
-from impasto.errors import ClusterError
+from impasto.errors import ArgumentError, ClusterError
 from impasto.fit.normals import Method
 from impasto.fit.options import Model, Pooling
 from impasto.fit.pooled import Extraction
@@ -91,8 +100,8 @@ def run(
 ) -> int:
     """Fit a painting tile by tile into a Zarr store, or go on with that after an interruption.
 
-    Exit code 4: the disk is full or refuses, or a cluster is lost, 130: interrupted; the job can be
-    resumed. 4, too: listed photographs are missing.
+    Exit code 4: a disk is full or fails, memory runs out, or a cluster is lost, 130: interrupted;
+    the job can be resumed. 4, too: listed photographs are missing.
 
     Parameters
     ----------
@@ -164,6 +173,7 @@ def run(
     }  # fmt: skip
     return _worked(
         out,
+        memory,
         quiet,
         scheduler,
         lambda progress, client: jobs.run(
@@ -212,6 +222,7 @@ def resume(
     check_threads(threads)
     return _worked(
         out,
+        memory,
         quiet,
         scheduler,
         lambda progress, client: jobs.resume(
@@ -253,7 +264,7 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         rows["pace"] = _pace_words(found.pixels_per_second)
         rows["left"] = _time_words(found.seconds_left)
     if found.state == "interrupted":
-        rows["resume"] = _resume_words(out)
+        rows["resume"] = resume_words(out)
     page = console.stdout()
     for name, value in rows.items():
         page.out(f"{name:<{LABEL_WIDTH}}{value}")
@@ -288,8 +299,8 @@ def verify(
     for finding in findings:
         page.out(str(finding))
     if findings:
-        console.complain(f"{out}: {_files_words(len(findings))} not as written or read")
-        _say_how_to_repair(out, [Path(finding.file) for finding in findings])
+        console.complain(f"{out}: {files_words(len(findings))} not as written or read")
+        say_how_to_repair(out, [Path(finding.file) for finding in findings])
         return Exit.CORRUPT_INPUT
     if (out / CHECKSUMS).is_file():
         page.out(f"{out}: all files are as written")
@@ -377,14 +388,14 @@ def rerun(
         differ = list(found)
         return into
 
-    code = _worked(into, quiet, scheduler, work)
+    code = _worked(into, memory, quiet, scheduler, work)
     if differ is None:
         return code
     page = console.stdout()
     for name in differ:
         page.out(name)
     if differ:
-        console.complain(f"{into}: {_files_words(len(differ))} not those of {out}")
+        console.complain(f"{into}: {files_words(len(differ))} not those of {out}")
         return Exit.CORRUPT_INPUT
     page.out(f"{into}: the same bytes as {out}")
     return code
@@ -392,6 +403,7 @@ def rerun(
 
 def _worked(
     out: Path,
+    memory: str,
     quiet: bool,
     scheduler: str | None,
     work: Callable[[ProgressCallback, Client | None], Path],
@@ -400,7 +412,7 @@ def _worked(
     from impasto.jobs.cluster import connected
 
     share_one_heap()
-    stages = Stages(quiet=quiet)
+    stages, pace = Stages(quiet=quiet), _Pace(out)
     try:
         with (
             terminated_as_interrupted(),
@@ -408,7 +420,6 @@ def _worked(
             stages.warned(),
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
-            pace = _Pace(out)
 
             def progress(done: int, total: int) -> None:
                 stage.advance(done, total)
@@ -418,19 +429,27 @@ def _worked(
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
-        _say_how_to_resume(out)
+        say_how_to_resume(out)
         return Exit.INTERRUPTED
     except ClusterError as error:
         console.complain(str(error))
-        _say_how_to_resume(out)
+        say_how_to_resume(out)
         return Exit.PARTIAL
     except OSError as error:
-        if not _is_resumable(out) or error.errno is None:
+        if not is_resumable(out) or error.errno is None:
             raise
         where = "" if error.filename is None else f"{error.filename}: "
         console.complain(f"{where}{error.strerror}")
-        _say_how_to_resume(out)
+        say_how_to_resume(out)
         return Exit.PARTIAL
+    except ArgumentError as error:
+        if not is_of_a_disk(error, begun=pace.begun) or not is_resumable(out):
+            raise
+        console.complain(str(error))
+        say_how_to_resume(out)
+        return Exit.PARTIAL
+    except MemoryError:
+        return say_how_to_take_less(out, memory)
     return _say_notes(stages, out)
 
 
@@ -459,6 +478,11 @@ class _Pace:
         self._out = out
         self._start: tuple[float, int] | None = None
         self._pixels = 0.0
+
+    @property
+    def begun(self) -> bool:
+        """Whether tiles are being fitted."""
+        return self._start is not None
 
     def words(self, done: int, total: int) -> str:
         """After a tile."""
@@ -504,44 +528,6 @@ def terminated_as_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _is_resumable(out: Path) -> bool:
-    from impasto.errors import ImpastoError
-    from impasto.jobs import status
-
-    try:
-        return status(out).state != "finished"
-    except ImpastoError:
-        return False
-
-
-def _say_how_to_resume(out: Path) -> None:
-    if _is_resumable(out):
-        console.hint(f"go on with: {_resume_words(out)}")
-
-
-def _say_how_to_repair(out: Path, files: list[Path]) -> None:
-    """A job makes again what its journal has and the disk has not, of the same photographs."""
-    from impasto.jobs.checksums import CHECKSUMS
-    from impasto.jobs.folder import NOTES, partial_of
-    from impasto.jobs.inspection import folder_of
-
-    if (out / CHECKSUMS).is_file():
-        return
-    folder, whole = folder_of(out)
-    if not all(
-        file.is_relative_to(folder) and not file.is_relative_to(folder / NOTES) for file in files
-    ):
-        return
-    rename = (
-        f"mv {shlex.quote(str(folder))} {shlex.quote(str(partial_of(folder)))} && " if whole else ""
-    )
-    console.hint(f"made again, from the photographs, by: {rename}{_resume_words(out)}")
-
-
-def _resume_words(out: Path) -> str:
-    return f"impasto job resume {shlex.quote(str(out))}"
-
-
 def _pace_words(pixels_per_second: float) -> str:
     if pixels_per_second < 1e5:
         return f"{pixels_per_second / 1e3:.3g} kpx/s"
@@ -562,7 +548,3 @@ def _memory_words() -> str:
     except (OSError, ValueError, IndexError):
         return ""
     return f", {pages * os.sysconf('SC_PAGE_SIZE') / 2**30:.2f} GiB"
-
-
-def _files_words(count: int) -> str:
-    return "1 file is" if count == 1 else f"{count} files are"

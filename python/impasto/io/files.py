@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from impasto._internal.pools import Pool
 from impasto._internal.regular import check_regular
+from impasto._internal.umask import umask
 from impasto._internal.waiting import wait_for
 from impasto.errors import ArgumentError
-from impasto.io.temporary import temporary_beside
+from impasto.io.temporary import temporaries_of, temporary_beside
 
 FLUSHED = 8
 """Files whose data are on their way to the disk at a time."""
@@ -43,9 +43,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             yield temporary
             _sync(temporary, os.O_RDWR)
             # Temporary files are private; results get the default mode.
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
+            temporary.chmod(0o666 & ~umask())
             temporary.replace(path)
         except BaseException as error:
             temporary.unlink(missing_ok=True)
@@ -70,8 +68,7 @@ def atomic_together(files: Mapping[Path, bytes | memoryview | Iterable[memoryvie
     The data of all reach the disk before any name does. Disks flush many files in little more time
     than one. Temporary names are the call's own: others may write the same files.
     """
-    own = secrets.token_hex(6)
-    temporary = {path: path.with_name(f".{path.name}-{own}.tmp") for path in files}
+    temporary = temporaries_of(files)
     with Pool(FLUSHED) as pool:
 
         def write(path: Path) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from impasto._internal.umask import umask
 from impasto.io.files import as_problem_of, sync_folder
 from impasto.io.temporary import OLD, leftovers, temporary_beside
 
@@ -28,7 +29,7 @@ def new_folder(path: Path) -> Iterator[Path]:
             folder = held.enter_context(temporary_beside(path, folder=True))
         try:
             yield folder
-            folder.chmod(0o777 & ~_umask())
+            folder.chmod(0o777 & ~umask())
             sync_folders(folder)
             put_in_place(folder, path)
         except OSError as error:
@@ -128,9 +129,3 @@ def sync_folders(folder: Path) -> None:
     """The names of all files below a folder reach the disk, those of subfolders first."""
     for inner, _, _ in os.walk(folder, topdown=False):
         sync_folder(Path(inner))
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -81,8 +81,10 @@ class JournalFile:
     def __init__(self, path: Path, length: int, first: Mapping[str, Any]) -> None:
         """Go on after ``length`` bytes of whole lines, or begin with the line ``first``."""
         self.path = path
+        self._length = length
         with as_problem_of(path):
-            self._file = path.open("ab")
+            # Unbuffered: what a full disk refuses is not tried once more by the end of the file.
+            self._file = path.open("ab", buffering=0)
         try:
             with as_problem_of(path):
                 self._file.truncate(length)
@@ -95,11 +97,17 @@ class JournalFile:
 
     def append(self, content: Mapping[str, Any]) -> None:
         """Write one line; it is on the disk when this returns."""
+        line = memoryview(sealed_line(content))
         with as_problem_of(self.path):
-            self._file.write(sealed_line(content))
-            self._file.flush()
+            # Whoever goes on after an error does not do so behind a torn line.
+            self._file.truncate(self._length)
+            left = line
+            while left:
+                left = left[self._file.write(left) :]
+            self._length += len(line)
             wait_for(os.fsync, self._file.fileno())
 
     def close(self) -> None:
         """Give the file back."""
-        self._file.close()
+        with as_problem_of(self.path):
+            self._file.close()

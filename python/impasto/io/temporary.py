@@ -7,9 +7,11 @@ writer of the same name knows those that a killed one left, and removes them.
 from __future__ import annotations
 
 import os
+import re
+import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -21,6 +23,8 @@ _RANDOM = 8
 """Characters that ``tempfile`` adds to a name."""
 _LONGEST = 60
 """Characters of the final name that are kept: systems allow 255 bytes in all."""
+_TOGETHER = ".tmp"
+"""Ends the names of files that are written together."""
 
 
 @contextmanager
@@ -59,6 +63,18 @@ def temporary_beside(
                 return
         finally:
             os.close(handle)
+
+
+def temporaries_of(paths: Iterable[Path]) -> dict[Path, Path]:
+    """A temporary file beside each path, of names that no other call has."""
+    own = secrets.token_hex(6)
+    return {path: path.with_name(f".{path.name}-{own}{_TOGETHER}") for path in paths}
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a name is one of a file that is being written, or that a killed writer left."""
+    ours = rf"[0-9a-f]+{re.escape(_TOGETHER)}|[a-z0-9_]{{{_RANDOM}}}{re.escape(PARTIAL)}(\..+)?"
+    return re.fullmatch(rf"\..+-({ours})", name) is not None
 
 
 def leftovers(path: Path, suffix: str = "", *, ending: str = PARTIAL) -> Iterator[Path]:

@@ -44,7 +44,12 @@ KNOWN = "estimated"
 
 
 def files_of_tile(
-    grid: Grid, tile: Tile, result: Sbrdf, precision: Precision, rig: Rig | None = None
+    grid: Grid,
+    tile: Tile,
+    result: Sbrdf,
+    precision: Precision,
+    rig: Rig | None = None,
+    threads: int | None = None,
 ) -> tuple[dict[str, bytes | memoryview], dict[str, NDArray[Any]]]:
     """Every map of a tile as a file, by its name in the store, and what the tile leaves beside.
 
@@ -55,12 +60,14 @@ def files_of_tile(
     ----------
     rig
         That of the whole painting; default: the tile's, with its origin in the middle of it.
+    threads
+        None means every allowed core.
     """
     maps, others = _split(result, Rig(result.rig, origin=(0.0, 0.0)) if rig is None else rig)
     same = same_arrays(maps)
     stored = {
         name: to_store(name, plane, precision)
-        for name, plane in sorted((maps | half_scale(result, grid)).items())
+        for name, plane in sorted((maps | half_scale(result, grid, threads)).items())
         if name not in same
     }
     files = {}
@@ -85,6 +92,7 @@ def complete(
     grid: Grid,
     precision: Precision,
     more: Mapping[str, bytes],
+    threads: int | None = None,
 ) -> dict[str, str]:
     """Write all that a store has beside the files of its tiles.
 
@@ -99,6 +107,8 @@ def complete(
         What a tile has left beside its files, if possible one that has an estimated pixel.
     more
         Other files by name.
+    threads
+        Of the smaller scales; None means every allowed core.
 
     Returns
     -------
@@ -123,7 +133,7 @@ def complete(
     atomic_together({folder / name: data for name, data in files.items()})
     text = {name: array for name, array in numbers.items() if array.dtype.kind == "U"}
     painting = StoredSbrdf(StoredMaps(folder, text, described), {})
-    levels, crcs = write_levels(folder, painting, half, precision)
+    levels, crcs = write_levels(folder, painting, half, precision, threads)
     multiscales = multiscales_of(described, levels, painting.known_pitch_mm)
     group = group_metadata(numbers, described, levels, multiscales, statistics)
     last = {METADATA: group}

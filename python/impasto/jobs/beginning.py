@@ -6,12 +6,11 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
-from threading import Event
 from typing import Any, TypeVar
 
-from impasto._internal.pools import Pool
+from impasto._internal.pools import Stop, beside
 from impasto.errors import ArgumentError
 from impasto.io.files import as_problem_of
 from impasto.jobs.folder import (
@@ -46,7 +45,7 @@ class Beginning:
         self._notes = self._partial / NOTES
         self._lock = ExitStack()
         self._holds = False
-        self._stopped = Event()
+        self._stop = Stop()
         self._last = float("-inf")
 
     def take(self) -> None:
@@ -109,19 +108,12 @@ class Beginning:
                 (self._notes / READING).unlink(missing_ok=True)
         return found
 
-    @contextmanager
-    def beside(self, work: Callable[[], Done]) -> Iterator[Future[Done]]:
+    def beside(self, work: Callable[[], Done]) -> AbstractContextManager[Future[Done]]:
         """Something on a thread of its own, such as :meth:`hashes`, which an error here ends."""
-        with Pool(1) as pool:
-            try:
-                yield pool.submit(work)
-            except BaseException:
-                self._stopped.set()
-                raise
+        return beside(work, self._stop)
 
     def _report(self, done: int, total: int) -> None:
-        if self._stopped.is_set():
-            raise _StoppedError
+        self._stop.check()
         now = time.monotonic()
         if self._holds and now - self._last > OFTEN:
             self._last = now
@@ -129,10 +121,6 @@ class Beginning:
             path = self._notes / READING
             with as_problem_of(path), path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
-
-
-class _StoppedError(Exception):
-    """Nobody waits for the hashes any more."""
 
 
 @contextmanager

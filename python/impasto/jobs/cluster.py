@@ -132,9 +132,10 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             future = next(done)
             tile = ahead.pop(future)
             written = future.result()
+            # First of all: the scheduler, which all else asks, may be gone.
+            log.add(tile, written)
             if len(ahead) < limit.tiles():
                 hand_out()
-            log.add(tile, written)
             log.report()
     except KilledWorker as error:
         raise ClusterError(

@@ -14,7 +14,7 @@ from impasto.io.npz import read_npz
 from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP
-from impasto.io.temporary import OLD, PARTIAL, temporary_beside
+from impasto.io.temporary import OLD, PARTIAL, is_temporary, temporary_beside
 from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
@@ -199,9 +199,9 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
 
 
 def clear(partial: Path) -> None:
-    """Remove what a killed run was writing."""
+    """Remove what a killed run was writing; other hidden files are somebody else's."""
     for path in partial.rglob(".*"):
-        if path.is_file():
+        if is_temporary(path.name) and path.is_file():
             path.unlink()
 
 
@@ -268,7 +268,9 @@ def changed(path: Path, crc: str) -> bool:
     return path.is_symlink() or not path.is_file() or checksum(path) != crc
 
 
-def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) -> None:
+def finish(
+    partial: Path, grid: Grid, entries: Entries, precision: Precision, threads: int | None
+) -> None:
     """Describe all arrays, write those that are no maps, and close the journal.
 
     Every step leaves a folder that can be resumed; the same steps then write the same bytes.
@@ -279,7 +281,7 @@ def finish(partial: Path, grid: Grid, entries: Entries, precision: Precision) ->
         if not is_name(name):
             raise CorruptInputError(notes / NUMBERS, f"has an array {name!r}, which no job writes")
     more = {f"{NOTES}/{METADATA}": EMPTY_GROUP}
-    crcs = complete(partial, left, grid, precision, more)
+    crcs = complete(partial, left, grid, precision, more, threads)
     own = (f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))
     entries.files = crcs | {name: checksum(partial / name) for name in own}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))

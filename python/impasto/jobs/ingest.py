@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from impasto._internal.calls import ProgressCallback, reporting
-from impasto._internal.pools import Pool
+from impasto._internal.pools import Stop, beside
 from impasto._internal.recycling import Recycled, recycling
 from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.io.files import atomic_together
@@ -100,16 +100,18 @@ def ingest(
         tile = _tile_for(budget // 2, photographs.pixel)
     height, width = photographs.size
     grid = Grid(height, width, min(checked_tile(tile), -(-max(height, width) // STEP) * STEP))
+    stop = Stop()
     with (
         reporting(progress, "tiles") as report,
         new_folder(target) as folder,
-        Pool(1) as pool,
+        beside(lambda: photographs.hashed(lambda done, total: stop.check()), stop) as hashes,
         # Closed before the folder goes: no tile is written into it any more.
         closing(_written(folder, photographs, grid)) as corners,
     ):
-        hashes = pool.submit(photographs.inputs)
         for count in range(1, len(grid) + 1):
             corner = next(corners)
+            if hashes.done():
+                hashes.result()  # what cannot be hashed need not be written to its end
             if report is not None:
                 report(count, len(grid))
         _describe(folder, corner, grid, hashes.result())

@@ -307,7 +307,7 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
         if not missing or holder(notes) is not None:
             return  # the files beside the tiles are being written, or will be in a moment
         own |= {f"{NOTES}/{name}" for name in (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE)}
-    for finding in _others(folder, own):
+    for finding in others(folder, own):
         name = Path(finding.file).relative_to(folder).as_posix()
         if whole or not _of_a_tile(name, missing):
             yield finding
@@ -322,7 +322,7 @@ def _merged_findings(checksums: Path) -> Iterator[Finding]:
         return
     folder = checksums.parent
     yield from changed(folder, known, f"in {CHECKSUMS}")
-    yield from _others(folder, {*known, CHECKSUMS})
+    yield from others(folder, {*known, CHECKSUMS})
 
 
 def changed(
@@ -339,7 +339,7 @@ def changed(
             yield Finding(str(path), f"has changed: its checksum is {found}, {where} {crc}")
 
 
-def _others(folder: Path, own: Set[str]) -> Iterator[Finding]:
+def others(folder: Path, own: Set[str]) -> Iterator[Finding]:
     """Files that have none of these names, and links in the place of folders."""
     for path in folder.rglob("*"):
         if path.is_symlink() and path.is_dir():

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from impasto import _core
+from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
+from impasto.fit.deferred import Deferred
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
@@ -123,8 +124,8 @@ def run(
         is refused: give its file.
     threads
         None means every allowed core. While a tile is fitted, one more thread reads the next. With
-        a ``client`` that counts for the first pass, in this process; a worker has the threads that
-        it was started with.
+        a ``client`` that counts for this process, which learns and makes the smaller scales; a
+        worker has the threads that it was started with.
     progress
         True: a bar on stderr; or a callable ``(done, total)`` in tiles.
     **fit
@@ -154,6 +155,7 @@ def run(
     target = checked_target(out)
     need_zarr()
     client = checked_client(client, source)
+    _check_source(source)
     budget = bytes_of(memory)
     thread_count(threads)
     given = checked_reading(reading)
@@ -188,7 +190,7 @@ def run(
             sample = stride_for(budget // 2, photographs.pixel, photographs.size, least.stride)
         curve = photographs.encoding
         record = JobRecord(
-            version=_core.build_info()["version"],
+            version=build_name(),
             source=path,
             reading=options,
             encoding=(curve.curve, float(curve.white)),
@@ -261,7 +263,7 @@ def _carried_out(
     if not has_begun(notes):
         (notes / LEARNED).unlink(missing_ok=True)  # no checksum vouches for it
 
-    def learn() -> LearnedModel:
+    def learn(check: Callable[[], object] = lambda: None) -> LearnedModel:
         return learned_from(
             photographs,
             record.fit,
@@ -269,11 +271,13 @@ def _carried_out(
             max(record.tile, record.sample),
             threads=threads,
             progress=progress,
+            check=check,
         )
 
     def write_record() -> None:
         # A source without files has none of these either, and says so at once.
         inputs = record.inputs or own.hashes(photographs)
+        _refuse_changed(photographs)
         atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
         with as_problem_of(partial):
             sync_folder(partial)
@@ -281,7 +285,13 @@ def _carried_out(
 
     if not (notes / RECORD).exists():
         with own.beside(write_record) as written:
-            model = learn()
+
+            def check() -> None:
+                # Without the hashes or their record nothing can come of what is learned.
+                if written.done():
+                    written.result()
+
+            model = learn(check)
             written.result()
         model.save(notes / LEARNED)
     elif not (notes / LEARNED).exists():
@@ -312,12 +322,8 @@ def _carried_out(
             fit_tiles_on(client, job, missing, log)
             clear(partial)  # of workers that died
         entries = journal.entries
-    if changed := photographs.changed():
-        raise ResumeMismatchError(
-            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
-            "begin anew (resume=False, --no-resume)"
-        )
-    finish(partial, grid, entries, record.precision)
+    _refuse_changed(photographs)
+    finish(partial, grid, entries, record.precision, threads)
     with as_problem_of(target):
         partial.rename(target)
         # Not before: another process could take a lock of its own.
@@ -325,6 +331,30 @@ def _carried_out(
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target
+
+
+def _refuse_changed(photographs: Photographs) -> None:
+    """What was learned, and every tile, must be of the photographs of the record."""
+    if changed := photographs.changed():
+        raise ResumeMismatchError(
+            f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
+            "begin anew (resume=False, --no-resume)"
+        )
+
+
+def _check_source(source: Any) -> None:
+    """Refuse what is no source of a job: its windows are read again and again, in any order."""
+    if isinstance(source, str | os.PathLike | Stack | Photographs):
+        return
+    kind = type(source).__name__
+    if isinstance(source, Deferred):
+        advice = (
+            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give a job the files that it is "
+            "of (impasto ingest makes a store of them)"
+        )
+    else:
+        advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"
+    raise ArgumentError(f"source: a job cannot read a {kind}; {advice}")
 
 
 def _as_path(name: str, value: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypedDict, get_type_hints
@@ -91,11 +91,17 @@ def learned_from(
     *,
     threads: int | None,
     progress: bool | ProgressCallback,
+    check: Callable[[], object],
 ) -> LearnedModel:
-    """What is learned from every so many rows and columns, read in windows of ``side``."""
+    """What is learned from every so many rows and columns, read in windows of ``side``.
+
+    An error of ``check`` ends it: it is called after the photographs are read, and while models are
+    fitted to them unless there is a bar.
+    """
     options = dict(fit) | {"effort": Effort(**fit["effort"])}
-    options |= {"threads": threads, "progress": progress is True}
+    options |= {"threads": threads, "progress": progress is True or (lambda *_: check())}
     few = photographs.sampled(Sample(stride, photographs.size), side)
+    check()
     model = learn_sbrdf(few, sample=1, **options)
     return model.magnified(stride, photographs.size)
 

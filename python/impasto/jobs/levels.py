@@ -35,14 +35,16 @@ HALF_SCALE = "levels/2/"
 """Begins the names of the maps at half the scale."""
 
 
-def half_scale(result: Sbrdf, grid: Grid) -> dict[str, NDArray[np.float32]]:
+def half_scale(
+    result: Sbrdf, grid: Grid, threads: int | None = None
+) -> dict[str, NDArray[np.float32]]:
     """The maps of a tile at half its scale by their names in the store; none of a single tile."""
     if len(grid) == 1 or 0 in (grid.half.rows, grid.half.columns):
         return {}
     surface = result.surface()
     rows, columns = surface.shape
     # What fills no group is left out: of a single row nothing is left but the names of its maps.
-    small, _ = reduced(surface, None, 2 if min(rows, columns) > 1 else 1)
+    small, _ = reduced(surface, None, 2 if min(rows, columns) > 1 else 1, threads)
     return {
         f"{HALF_SCALE}{name}": plane[..., : rows // 2, : columns // 2]
         for name, plane in maps_of_level(small).items()
@@ -50,7 +52,11 @@ def half_scale(result: Sbrdf, grid: Grid) -> dict[str, NDArray[np.float32]]:
 
 
 def write_levels(
-    folder: Path, stored: StoredSbrdf, half: list[ZarrArray], precision: Precision
+    folder: Path,
+    stored: StoredSbrdf,
+    half: list[ZarrArray],
+    precision: Precision,
+    threads: int | None = None,
 ) -> tuple[Levels, dict[str, str]]:
     """Make the smaller maps of a store from those of half the scale.
 
@@ -64,6 +70,8 @@ def write_levels(
         The maps of half the scale; none of a painting that a tile holds.
     precision
         That of the maps.
+    threads
+        None means every allowed core.
 
     Returns
     -------
@@ -81,7 +89,7 @@ def write_levels(
         if 0 in size:
             break
         above = _reader(folder, levels[factor // 2], template)
-        levels[factor], files = _level(folder, above, size, factor, stored.tile, precision)
+        levels[factor], files = _level(folder, above, size, factor, stored.tile, precision, threads)
         crcs |= files
     groups = {f"levels/{METADATA}": EMPTY_GROUP}
     groups |= {f"levels/{factor}/{METADATA}": EMPTY_GROUP for factor in levels}
@@ -109,6 +117,7 @@ def _level(
     factor: int,
     tile: int,
     precision: Precision,
+    threads: int | None,
 ) -> tuple[list[ZarrArray], dict[str, str]]:
     """Every file of the maps at one scale: a shard is made of those of the scale before."""
     arrays: dict[str, ZarrArray] = {}
@@ -120,7 +129,7 @@ def _level(
         )
         maps = {
             name: to_store(name, plane, precision)
-            for name, plane in _shard(above, window, f"levels/{factor}/").items()
+            for name, plane in _shard(above, window, f"levels/{factor}/", threads).items()
         }
         if not arrays:
             arrays = {
@@ -139,7 +148,7 @@ def _level(
 
 
 def _shard(
-    above: Callable[[slice, slice], Surface], window: Window, prefix: str
+    above: Callable[[slice, slice], Surface], window: Window, prefix: str, threads: int | None
 ) -> dict[str, NDArray[np.float32]]:
     """A part of all maps, from twice as many rows and columns of the scale before."""
     found: dict[str, NDArray[np.float32]] = {}
@@ -150,7 +159,7 @@ def _shard(
             slice(2 * (rows.start + down.start), 2 * (rows.start + down.stop)),
             slice(2 * (columns.start + across.start), 2 * (columns.start + across.stop)),
         )
-        small, _ = reduced(surface, None, 2)
+        small, _ = reduced(surface, None, 2, threads)
         for name, plane in maps_of_level(small).items():
             if prefix + name not in found:
                 found[prefix + name] = np.empty((*plane.shape[:-2], *size), np.float32)

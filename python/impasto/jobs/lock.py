@@ -74,9 +74,11 @@ def release(folder: Path) -> None:
 
 
 def holder(folder: Path) -> int | None:
-    """The process that holds the lock of a folder; None if there is none."""
-    import fcntl
-
+    """The process that holds the lock of a folder; None if there is none, or no locks here."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
     try:
         handle = os.open(folder / LOCK, os.O_RDONLY)
     except OSError:
@@ -86,7 +88,7 @@ def holder(folder: Path) -> int | None:
     except BlockingIOError:
         text = os.read(handle, 32).decode(errors="replace").strip()
         return int(text) if text.isdecimal() else 0
-    except OSError:  # no locks here
+    except OSError:  # nor on this file system
         return None
     finally:
         os.close(handle)

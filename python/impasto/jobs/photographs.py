@@ -19,8 +19,9 @@ from impasto._internal.checks import suggestion
 from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
-from impasto.errors import ArgumentError, ImpastoError
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.fit.subsample import Sample
+from impasto.io.files import as_problem_of
 from impasto.io.images import open_picture
 from impasto.io.npz import read_npz
 from impasto.io.opening import open_source
@@ -100,7 +101,11 @@ class Photographs(ABC):
         return self.inputs()
 
     def changed(self) -> list[Path]:
-        """Files that are others than when they were opened, by size, time and number."""
+        """Files whose content is another than when they were opened, after they were hashed.
+
+        A file of which only date or number have changed is hashed again. Where that happened
+        before it was hashed, nobody knows what it held: it counts as changed.
+        """
         return []
 
     @abstractmethod
@@ -268,6 +273,7 @@ class Files(Photographs):
         paths = dict.fromkeys(path.absolute() for path in self._inputs)
         # Before any pixel that counts is read, and before the hashes.
         self._seen = {path: _trace(path) for path in paths}
+        self._hashes: dict[Path, dict[str, Any]] = {}
         self._stack: Stack | None = None
         # Rows that are decoded across the whole picture are kept for the tiles beside each other.
         decoded = math.prod(self._grid) * bands * codes
@@ -310,17 +316,42 @@ class Files(Photographs):
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
         if self._path.suffix.lower() != SUFFIX:
-            return file_entries(list(self._seen), report)
+            return file_entries(list(self._seen), report, self._keep)
         stored = StoredStack(self._path.absolute())
         found: list[dict[str, Any]] = []
         total = sum(path.stat().st_size for path in self._seen)
         for path in self._seen:
             report(sum(one["bytes"] for one in found), total)
             found.append(stored.tile_entry(path) or file_entry(path))
+            self._keep(path, found[-1])
         return found
 
     def changed(self) -> list[Path]:  # noqa: D102
-        return [path for path, trace in self._seen.items() if _trace(path) != trace]
+        touched = [path for path, trace in self._seen.items() if _trace(path) != trace]
+        return [path for path in touched if self._is_other(path)]
+
+    def _keep(self, path: Path, entry: dict[str, Any]) -> None:
+        """Keep the hash of a file that was still the one that was opened when it was hashed."""
+        if _trace(path) == self._seen[path]:
+            self._hashes[path] = entry
+
+    def _is_other(self, path: Path) -> bool:
+        """Whether the content of a file has changed; all of it is read where its size has not."""
+        known = self._hashes.get(path)
+        if known is None or known["bytes"] != _trace(path)[0]:
+            return True
+        try:
+            with as_problem_of(path):
+                return self._read_again(path) != known
+        except CorruptInputError:
+            return True
+
+    def _read_again(self, path: Path) -> dict[str, Any]:
+        """Name, size and hash of a file; of a tile of a store its checksum, that of its numbers."""
+        if self._path.suffix.lower() != SUFFIX:
+            return file_entry(path)
+        stored = StoredStack(self._path.absolute())
+        return stored.tile_entry(path, compare=True) or file_entry(path)
 
     def inside(self, sample: Sample) -> int:  # noqa: D102
         if self._stack is not None:

@@ -28,7 +28,7 @@ class JobRecord:
     Attributes
     ----------
     version
-        Of impasto.
+        Of impasto, with the digest of its code (:func:`~impasto._internal.build.build_name`).
     source
         The path for :func:`impasto.read_stack`; None for a stack in memory.
     reading

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from impasto import _core
+from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.io.results.zarr_arrays import need_zarr
@@ -167,7 +167,7 @@ def _repeated(
         curve = photographs.encoding
         found = replace(
             record,
-            version=_core.build_info()["version"],
+            version=build_name(),
             encoding=(curve.curve, float(curve.white)),
             inputs=own.hashes(photographs),
             shape=photographs.shape,

@@ -11,7 +11,7 @@ import json
 import mimetypes
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -20,8 +20,9 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
-from impasto.jobs.inspection import changed, folder_of
-from impasto.jobs.journal import Entries
+from impasto.jobs.inspection import changed, folder_of, others
+from impasto.jobs.journal import JOURNAL, Entries
+from impasto.jobs.lock import LOCK
 from impasto.jobs.record import JobRecord
 
 METADATA = "ro-crate-metadata.json"
@@ -70,13 +71,14 @@ def export_ro_crate(
     ArgumentError
         No job of that name, one that is not finished, or a folder that exists.
     CorruptInputError
-        A journal that is damaged, or a file of the store that is missing.
+        A journal that is damaged, or a file of the store that is missing, has changed or does not
+        belong to it.
     """
     store, whole = folder_of(out)
     if not whole:
         raise ArgumentError(f"out: {store} is not finished; impasto job resume goes on with it")
     record = JobRecord.read(store / NOTES / RECORD)
-    _check_files(store, check_finished(store, record.grid))
+    own = _checked_files(store, check_finished(store, record.grid))
     crate = Path(folder)
     if crate.exists():
         raise ArgumentError(f"folder: {crate} already exists; give another name")
@@ -85,7 +87,7 @@ def export_ro_crate(
     if crate.resolve().is_relative_to(store.resolve()):
         raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
     with new_folder(crate) as folder_of_crate:
-        _link_all(store, folder_of_crate / store.name)
+        _link_all(store, own, folder_of_crate / store.name)
         content = {
             "@context": [f"{CRATE}/context", TERMS],
             "@graph": list(
@@ -104,29 +106,41 @@ def export_ro_crate(
     return crate
 
 
-def _check_files(store: Path, entries: Entries) -> None:
-    """Nothing that the journal has is missing or has changed: an archive gets no damaged tile."""
+def _checked_files(store: Path, entries: Entries) -> list[str]:
+    """The files of the job, by their names in the store.
+
+    Nothing that the journal has is missing or has changed, and nothing else is there: an archive
+    gets no damaged tile, and no file that nobody vouches for.
+    """
+    own = {f"{NOTES}/{JOURNAL}", *(entries.files or {})}
     found = [(finding, "") for finding in changed(store, entries.files or {})]
     for (row, column), entry in entries.tiles.items():
+        own |= entry.shards.keys()
         place = f" (the tile in row {row} and column {column})"
         found += [(finding, place) for finding in changed(store, entry.shards)]
     if found:
         first, place = found[0]
-        others = f"; so are {len(found) - 1} more files" if len(found) > 1 else ""
+        more = f"; so are {len(found) - 1} more files" if len(found) > 1 else ""
         raise CorruptInputError(
             Path(first.file),
-            f"is not whole{place}: {first.problem}{others}; impasto job verify {store} lists all "
+            f"is not whole{place}: {first.problem}{more}; impasto job verify {store} lists all "
             "and says how they are made again",
         )
+    # The lock of a process that was killed in its last step is no part of the result.
+    foreign = sorted(Path(finding.file) for finding in others(store, {*own, f"{NOTES}/{LOCK}"}))
+    if foreign:
+        more = f"; nor do {len(foreign) - 1} more files" if len(foreign) > 1 else ""
+        raise CorruptInputError(
+            foreign[0],
+            f"does not belong to the store{more}: a crate holds what the job has written; move it "
+            f"to another folder (impasto job verify {store} lists all)",
+        )
+    return sorted(own)
 
 
-def _link_all(store: Path, target: Path) -> None:
-    """Every file of a store at another place; what cannot be linked is copied, and flushed."""
-    for path in sorted(store.rglob("*")):
-        file = target / path.relative_to(store)
-        if path.is_dir():
-            file.mkdir(parents=True, exist_ok=True)
-            continue
+def _link_all(store: Path, names: Iterable[str], target: Path) -> None:
+    """Files of a store at another place; what cannot be linked is copied, and flushed."""
+    for path, file in ((store / name, target / name) for name in names):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             os.link(path, file)

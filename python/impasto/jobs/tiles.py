@@ -128,9 +128,11 @@ class EncodedTile:
     numbers: dict[str, NDArray[Any]]
 
     @classmethod
-    def of(cls, grid: Grid, tile: Tile, result: Sbrdf, precision: Precision) -> EncodedTile:
+    def of(
+        cls, grid: Grid, tile: Tile, result: Sbrdf, precision: Precision, threads: int | None
+    ) -> EncodedTile:
         """Every map of a result in a file of its own, in this precision."""
-        files, numbers = files_of_tile(grid, tile, result, precision)
+        files, numbers = files_of_tile(grid, tile, result, precision, threads=threads)
         return cls(int(result.estimated.sum()), files, numbers)
 
     def write(self, folder: Path, *, numbers: bool = True) -> WrittenTile:
@@ -176,7 +178,7 @@ def fit_tiles(
         return fitted(model, stack, grid, tile, threads)
 
     def encode(tile: Tile, result: Sbrdf) -> EncodedTile:
-        return EncodedTile.of(grid, tile, result, precision)
+        return EncodedTile.of(grid, tile, result, precision, threads)
 
     def write(tile: Tile, encoded: EncodedTile) -> None:
         log.add(tile, encoded.write(folder, numbers=log.wants_numbers))

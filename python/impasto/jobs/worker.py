@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from impasto import _core
+from impasto._internal.build import build_name
 from impasto.errors import ArgumentError, ImpastoError
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.jobs.folder import NOTES, RECORD
@@ -99,7 +99,8 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
         with slots.fitting:
             result = fitted(opened.model, stack, grid, tile, worker.state.nthreads)
         del stack
-        encoded = EncodedTile.of(grid, tile, result, opened.record.precision)
+        # One thread: meanwhile the next tile has all others.
+        encoded = EncodedTile.of(grid, tile, result, opened.record.precision, threads=1)
         # A worker that was given up for lost may come to this after all.
         _check_folder(job)
         return encoded.write(job.folder, numbers=numbers)
@@ -130,7 +131,7 @@ def _opened(job: SharedJob) -> _Opened:
 
 def _open(job: SharedJob) -> _Opened:
     record = JobRecord.read(job.folder / NOTES / RECORD)
-    version = _core.build_info()["version"]
+    version = build_name()
     if record.version != version:
         raise ImpastoError(
             f"client: {_here()} has impasto {version}, the job {record.version}; install the same "

@@ -24,7 +24,7 @@ from impasto.merge.levels import tilt_of
 from impasto.merge.models import model_of
 from impasto.merge.report import FrameReport, MergeReport
 from impasto.merge.solution import Solution, solved
-from impasto.merge.store import check_begun, release_finished, write_store
+from impasto.merge.store import check_begun, refuse_finished, write_store
 
 TILE = 512
 """Rows and columns of a tile, if nobody says otherwise."""
@@ -203,9 +203,7 @@ def _checked_out(out: str | os.PathLike[str]) -> Path:
     target = Path(out)
     if target.suffix.lower() != ".zarr":
         raise ArgumentError(f"out: expected a name ending in .zarr, found {target.name!r}")
-    if target.exists() or target.is_symlink():
-        release_finished(target)
-        raise ArgumentError(f"out: {target} exists; remove it or give another name")
+    refuse_finished(target)
     need_zarr()
     check_begun(target)
     return target

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from impasto import _core
-from impasto.errors import ResumeMismatchError
+from impasto._internal.build import build_name
+from impasto.errors import ArgumentError, ResumeMismatchError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.folders import sync_folders
@@ -25,7 +25,7 @@ from impasto.jobs.checksums import CHECKSUMS, checksums_file
 from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamaged
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
-from impasto.jobs.lock import locked, release
+from impasto.jobs.lock import LOCK, locked, release
 from impasto.jobs.tiles import NUMBERS, PACE, EncodedTile, TileLog
 from impasto.merge.blend import Mosaic
 from impasto.merge.frames import Frame
@@ -54,7 +54,7 @@ def write_store(
     Raises
     ------
     ArgumentError
-        Another process is at it, or its folder leads elsewhere by a link.
+        Another process is at it, or has just finished it; its folder leads elsewhere by a link.
     ResumeMismatchError
         What was interrupted is a merge of other frames or with other options.
     """
@@ -65,6 +65,12 @@ def write_store(
     with as_problem_of(partial):
         notes.mkdir(parents=True, exist_ok=True)
     with locked(notes):
+        try:
+            # While the frames were registered, another process may have come to its end.
+            refuse_finished(target)
+        except ArgumentError:
+            _leave(partial)
+            raise
         clear(partial)
         with (
             closing(Journal(notes / JOURNAL, _entries(partial, grid, merge))) as journal,
@@ -120,10 +126,28 @@ def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
     return undamaged(found, partial, notes, grid)
 
 
-def release_finished(target: Path) -> None:
-    """Remove the lock that a merge of this name left in its last step."""
-    if (target / REPORT).is_file():
-        release(target / NOTES)
+def refuse_finished(target: Path) -> None:
+    """Refuse a name that is taken; the lock that a merge left there in its last step goes.
+
+    Raises
+    ------
+    ArgumentError
+        There is something of this name.
+    """
+    if target.exists() or target.is_symlink():
+        if (target / REPORT).is_file():
+            release(target / NOTES)
+        raise ArgumentError(f"out: {target} exists; remove it or give another name")
+
+
+def _leave(partial: Path) -> None:
+    """Remove the folder that was made and locked for nothing; one with anything in it stays."""
+    notes = partial / NOTES
+    with suppress(OSError):
+        if not has_begun(notes):
+            (notes / LOCK).unlink(missing_ok=True)
+        notes.rmdir()
+        partial.rmdir()
 
 
 def check_begun(target: Path) -> None:
@@ -142,7 +166,7 @@ def check_begun(target: Path) -> None:
 
 def _digest(mosaic: Mosaic, grid: Grid, report: MergeReport) -> str:
     """SHA-256 of all that the bytes of the store follow from."""
-    found = hashlib.sha256(json.dumps([_core.build_info()["version"], grid.tile]).encode())
+    found = hashlib.sha256(json.dumps([build_name(), grid.tile]).encode())
     found.update(report.to_json().encode())
     for place in mosaic.placements:
         found.update(np.concatenate([place.linear.ravel(), place.offset]).tobytes())

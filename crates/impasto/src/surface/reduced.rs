@@ -6,7 +6,7 @@
 
 use crate::error::{Error, Result};
 use crate::math::Vec3;
-use crate::pixels::{Run, check_room};
+use crate::pixels::{Run, check_room, with_room, zeros};
 
 use super::lobe::{Lobe, Parameter, Strength};
 use super::lobe_model::{LobeModel, MAX_PARAMETERS};
@@ -66,35 +66,46 @@ pub fn reduced(
         let problem = format!("expected 1 to {} pixels, found {factor}", columns.min(rows));
         return Err(Error::argument("reduce", problem));
     }
-    let planes = planes_of(surface, bands) + usize::from(relief.is_some());
-    // Rows of groups, then whole planes.
-    check_room::<f32>(2 * planes * width * height)?;
     let maps = Maps { surface, relief, columns, pixels, bands, factor, width };
-    let lines = surface.model.visit(Lines { maps, planes, height, run })?;
-    let mut all = vec![vec![0.0; width * height]; planes];
-    for (row, line) in lines.iter().enumerate() {
-        for (plane, numbers) in all.iter_mut().zip(line.chunks_exact(width)) {
-            plane[row * width..][..width].copy_from_slice(numbers);
-        }
-    }
-    let mut all = all.into_iter();
-    let mut next = |count: usize| all.by_ref().take(count).flatten().collect::<Vec<f32>>();
-    let (normal, diffuse) = (next(3), next(bands));
-    let ambient = surface.ambient.map(|_| next(bands));
-    let lobes = surface.lobes.iter().map(|lobe| ReducedLobe {
-        strength: next(strengths(lobe.strength, bands)),
-        shape: lobe.shape.iter().map(|_| next(1)).collect(),
-    });
-    let lobes = lobes.collect();
-    let relief = relief.map(|_| next(1));
-    Ok(Reduced { width, height, normal, diffuse, ambient, lobes, relief })
+    let mut small = maps.room_for_groups(height)?;
+    let planes = small.planes();
+    let lines = small.rows(planes)?;
+    surface.model.visit(Rows { maps, planes, lines, run })?;
+    Ok(small)
 }
 
-/// How many planes the maps of a surface have.
-fn planes_of(surface: &Surface<'_>, bands: usize) -> usize {
-    let coloured = bands * (1 + usize::from(surface.ambient.is_some()));
-    let lobes = surface.lobes.iter().map(|lobe| strengths(lobe.strength, bands) + lobe.shape.len());
-    3 + coloured + lobes.sum::<usize>()
+/// A row of groups, each plane's part of it.
+type Row<'a> = Vec<&'a mut [f32]>;
+
+impl Reduced {
+    /// In the order in which a row of groups is computed.
+    fn maps(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
+        let lobes = self.lobes.iter_mut();
+        [&mut self.normal, &mut self.diffuse]
+            .into_iter()
+            .chain(&mut self.ambient)
+            .chain(lobes.flat_map(|lobe| [&mut lobe.strength].into_iter().chain(&mut lobe.shape)))
+            .chain(&mut self.relief)
+    }
+
+    /// How many planes the maps have.
+    fn planes(&mut self) -> usize {
+        let pixels = self.width * self.height;
+        self.maps().map(|map| map.len() / pixels).sum()
+    }
+
+    /// All planes, row by row: rows are computed at the same time, and each writes into the maps.
+    fn rows(&mut self, planes: usize) -> Result<Vec<Row<'_>>> {
+        let Self { width, height, .. } = *self;
+        check_room::<&mut [f32]>(planes.saturating_mul(height))?;
+        let mut rows: Vec<Row<'_>> = (0..height).map(|_| Vec::with_capacity(planes)).collect();
+        for map in self.maps() {
+            for (index, line) in map.chunks_exact_mut(width).enumerate() {
+                rows[index % height].push(line);
+            }
+        }
+        Ok(rows)
+    }
 }
 
 fn strengths(strength: Strength<'_>, bands: usize) -> usize {
@@ -123,25 +134,57 @@ struct Maps<'a> {
     width: usize,
 }
 
-struct Lines<'a, 'r> {
+struct Rows<'a, 'o, 'r> {
     maps: Maps<'a>,
     planes: usize,
-    height: usize,
+    lines: Vec<Row<'o>>,
     run: &'a Run<'r>,
 }
 
-impl ModelVisitor for Lines<'_, '_> {
-    /// Rows of groups, each plane by plane.
-    type Output = Result<Vec<Vec<f32>>>;
+impl ModelVisitor for Rows<'_, '_, '_> {
+    type Output = Result<()>;
 
     fn visit<M: LobeModel>(self, model: M) -> Self::Output {
-        let Self { maps, planes, height, run } = self;
-        run.map((0..height).collect(), Vec::new, |shown: &mut Vec<Shown>, row| {
+        let Self { maps, planes, lines, run } = self;
+        let rows = lines.into_iter().enumerate().collect();
+        let done = run.map(rows, Scratch::default, |scratch, (row, lines): (usize, Row<'_>)| {
+            scratch.make_room(maps, planes)?;
+            let Scratch { shown, cosines, numbers } = scratch;
             maps.find_shown(row, shown);
-            let mut numbers = Vec::with_capacity(planes * maps.width);
-            Groups::new(maps, shown).append(&model, &mut numbers);
-            numbers
-        })
+            numbers.clear();
+            Groups::new(maps, shown).append(&model, cosines, numbers);
+            for (line, values) in lines.into_iter().zip(numbers.chunks_exact(maps.width)) {
+                line.copy_from_slice(values);
+            }
+            Ok(())
+        })?;
+        done.into_iter().collect()
+    }
+}
+
+/// What a worker needs for a row of groups.
+#[derive(Default)]
+struct Scratch {
+    shown: Vec<Shown>,
+    /// Of `shown`, between the normal of a pixel and that of its group.
+    cosines: Vec<f64>,
+    /// Plane by plane.
+    numbers: Vec<f32>,
+}
+
+impl Scratch {
+    /// Room for any row: of large groups it has many pixels, and a list that grows by itself ends
+    /// the program where there is no memory.
+    fn make_room(&mut self, maps: Maps<'_>, planes: usize) -> Result<()> {
+        let numbers = planes * maps.width;
+        if self.numbers.capacity() >= numbers {
+            return Ok(());
+        }
+        let most = maps.width * maps.factor * maps.factor;
+        self.shown = with_room(most)?;
+        self.cosines = with_room(most)?;
+        self.numbers = with_room(numbers)?;
+        Ok(())
     }
 }
 
@@ -153,6 +196,27 @@ struct Shown {
 }
 
 impl Maps<'_> {
+    /// The maps of so many rows of groups, without their numbers.
+    fn room_for_groups(&self, height: usize) -> Result<Reduced> {
+        let Self { surface, relief, bands, width, .. } = *self;
+        let planes = |count: usize| zeros(count * width * height);
+        let lobes = surface.lobes.iter().map(|lobe| {
+            Ok(ReducedLobe {
+                strength: planes(strengths(lobe.strength, bands))?,
+                shape: lobe.shape.iter().map(|_| planes(1)).collect::<Result<_>>()?,
+            })
+        });
+        Ok(Reduced {
+            width,
+            height,
+            normal: planes(3)?,
+            diffuse: planes(bands)?,
+            ambient: surface.ambient.map(|_| planes(bands)).transpose()?,
+            lobes: lobes.collect::<Result<_>>()?,
+            relief: relief.map(|_| planes(1)).transpose()?,
+        })
+    }
+
     /// What a picture can show of a row of groups, in the order of the pixels.
     fn find_shown(&self, row: usize, shown: &mut Vec<Shown>) {
         let Self { surface, columns, pixels, bands, factor, width, .. } = *self;
@@ -253,12 +317,13 @@ impl<'a, 's> Groups<'a, 's> {
     }
 
     /// Appends all numbers of the row, plane by plane.
-    fn append<M: LobeModel>(&self, model: &M, numbers: &mut Vec<f32>) {
+    fn append<M: LobeModel>(&self, model: &M, cosines: &mut Vec<f64>, numbers: &mut Vec<f32>) {
         let Maps { surface, relief, bands, pixels, .. } = self.maps;
         for axis in 0..3 {
             numbers.extend(self.normal.iter().map(|normal| normal.array()[axis] as f32));
         }
-        let cosines: Vec<f64> = self.shown.iter().map(|place| self.cosine(place)).collect();
+        cosines.clear();
+        cosines.extend(self.shown.iter().map(|place| self.cosine(place)));
         for band in 0..bands {
             let values = &surface.diffuse[band * pixels..];
             append(

@@ -35,14 +35,15 @@ def open_tiff(file: RegularFile, check: Callable[[ImageHeader], None]) -> TiffSo
     _LIBRARY.addHandler(_SILENT)
     path = file.path
     try:
-        opened = tifffile.TiffFile(file.handle, offset=0)
-        pages = _pages(path, opened)
-        header = _header(path, pages)
-        check(header)
-        for page in pages:
-            _check_tile(path, page)
-            _check_page(path, page, file.size)
-        return TiffSource(file, header, pages)
+        with file.given_to_a_library():
+            opened = tifffile.TiffFile(file.handle, offset=0)
+            pages = _pages(path, opened)
+            header = _header(path, pages)
+            check(header)
+            for page in pages:
+                _check_tile(path, page)
+                _check_page(path, page, file.size)
+            return TiffSource(file, header, pages)
     except (ImpastoError, MemoryError):
         raise
     except Exception as error:  # tifffile raises many kinds of exceptions

@@ -8,7 +8,7 @@ use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Mask, Real, Vec3};
 
 use super::estimate::{LafortuneEstimate, MOST_LOBES, OUTLIER_DEVIATIONS, OUTLIER_SHARE};
-use super::scratch::{LafortuneScratch, TILE};
+use super::scratch::{LafortuneScratch, STRIDE};
 
 /// Diffuse part and lobes.
 pub(super) const COLUMNS: usize = 1 + MOST_LOBES;
@@ -72,7 +72,7 @@ impl Kernel for LafortuneColours<'_> {
                 *columns = facets.columns(rig, photograph);
             }
             for (photograph, mean) in means.iter_mut().enumerate() {
-                let plane = &scratch.means[photograph * TILE..];
+                let plane = &scratch.means[photograph * STRIDE..];
                 *mean = gather(pixels, |_, pixel| plane[pixel]);
             }
             let whole = means.iter().all(|mean| mean.is_finite().all());
@@ -84,7 +84,7 @@ impl Kernel for LafortuneColours<'_> {
             let (mut square, mut count) = (I::F32::zero(), I::F32::zero());
             for band in 0..bands {
                 for (photograph, sample) in samples.iter_mut().enumerate() {
-                    let plane = &scratch.samples[(photograph * bands + band) * TILE..];
+                    let plane = &scratch.samples[(photograph * bands + band) * STRIDE..];
                     *sample = gather(pixels, |_, pixel| plane[pixel]);
                 }
                 let mut sums = Sums::zero();

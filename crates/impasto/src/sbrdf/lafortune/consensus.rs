@@ -24,7 +24,7 @@ use super::forward_selection::{ROUGH, with_tolerance};
 use super::luminance::Geometries;
 use super::normal::{CosineFit, NormalEstimate, fit_cosine_lobe};
 use super::outliers::six_deviations;
-use super::scratch::{LafortuneScratch, TILE};
+use super::scratch::{LafortuneScratch, STRIDE};
 
 /// How many subsets there may be.
 const SUBSETS: [usize; 4] = [11, 7, 5, 3];
@@ -191,7 +191,7 @@ impl Consensus<'_> {
     }
 
     fn means(&self, i: usize) -> impl Iterator<Item = f32> {
-        self.scratch.means[self.fine[i]..].iter().step_by(TILE).copied()
+        self.scratch.means[self.fine[i]..].iter().step_by(STRIDE).copied()
     }
 
     /// Samples minus the cosine lobe; not finite where a photograph does not count.
@@ -273,7 +273,7 @@ impl Consensus<'_> {
     /// Rejects photographs, or accepts them again.
     fn reject(&mut self, i: usize, photographs: &[usize], rejected: bool) {
         for photograph in photographs {
-            let place = photograph * TILE + self.fine[i];
+            let place = photograph * STRIDE + self.fine[i];
             self.scratch.kept[place] = if rejected { f32::NAN } else { self.scratch.means[place] };
         }
     }

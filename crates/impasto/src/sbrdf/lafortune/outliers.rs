@@ -7,7 +7,7 @@ use crate::math::{Kernel, Real};
 
 use super::colours::{COLUMNS, LaneLobes, gather};
 use super::estimate::{LafortuneEstimate, OUTLIER_DEVIATIONS, OUTLIER_SHARE};
-use super::scratch::{LafortuneScratch, TILE};
+use super::scratch::{LafortuneScratch, STRIDE};
 
 /// A normal deviation over the median size.
 const PER_MEDIAN: f64 = 1.4826;
@@ -37,7 +37,7 @@ impl Kernel for Outliers<'_> {
                 gather(pixels, |place, _| found[place].strength(column) as f32)
             });
             for (photograph, [residuals, shares]) in off.iter_mut().enumerate() {
-                let plane = &scratch.means[photograph * TILE..];
+                let plane = &scratch.means[photograph * STRIDE..];
                 let sample: I::F32 = gather(pixels, |_, pixel| plane[pixel]);
                 let mut shown = I::F32::zero();
                 for (column, strength) in facets.columns(rig, photograph).into_iter().zip(strengths)
@@ -55,7 +55,7 @@ impl Kernel for Outliers<'_> {
                 for (photograph, [residuals, shares]) in off.iter().enumerate() {
                     let residual = residuals[lane];
                     let outlier = residual.abs() > limit && residual.abs() > shares[lane];
-                    let place = photograph * TILE + pixel;
+                    let place = photograph * STRIDE + pixel;
                     let sample = if outlier { f32::NAN } else { scratch.means[place] };
                     new |= sample.is_finite() != scratch.kept[place].is_finite();
                     scratch.kept[place] = sample;

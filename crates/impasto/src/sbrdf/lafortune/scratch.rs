@@ -8,6 +8,7 @@ use crate::geometry::Rig;
 use crate::math::elementary::power_of_two;
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level};
+use crate::pixels::stride;
 use crate::stack::Stack;
 
 use super::luminance::Luminance;
@@ -16,11 +17,14 @@ use super::luminance::Luminance;
 /// three bands take 6 MB.
 pub(super) const TILE: usize = 512;
 
+/// Samples from one plane to the next.
+pub(super) const STRIDE: usize = stride(TILE);
+
 /// One tile's samples; each worker has one.
 pub(super) struct LafortuneScratch {
     /// Powers of two that samples were divided by.
     pub(super) scales: Vec<f32>,
-    /// `(obs, band, pixel)` linear, at each pixel's own scale, as the next two.
+    /// `(obs, band, pixel)` linear, at each pixel's own scale, planes [`STRIDE`] apart, as the next two.
     pub(super) samples: Vec<f32>,
     /// `(obs, pixel)` their means over the bands; not finite where a band's sample is not, as where
     /// it clipped (hard case 3).
@@ -38,9 +42,9 @@ impl LafortuneScratch {
         let shape = stack.shape();
         Self {
             scales: vec![1.0; TILE],
-            samples: vec![0.0; shape.observations * shape.bands * TILE],
-            means: vec![0.0; shape.observations * TILE],
-            kept: vec![0.0; shape.observations * TILE],
+            samples: vec![0.0; shape.observations * shape.bands * STRIDE],
+            means: vec![0.0; shape.observations * STRIDE],
+            kept: vec![0.0; shape.observations * STRIDE],
             x: vec![0.0; TILE],
             y: vec![0.0; TILE],
             places: vec![[0.0; 2]; TILE],
@@ -57,7 +61,7 @@ impl LafortuneScratch {
         Luminance {
             rig,
             samples: &self.kept,
-            stride: TILE,
+            stride: STRIDE,
             normals: &self.normals,
             places: &self.places,
         }
@@ -67,11 +71,11 @@ impl LafortuneScratch {
     pub(super) fn leave_out(&mut self, pixels: &[usize]) {
         let bands = self.samples.len() / self.means.len();
         for (photograph, (means, kept)) in
-            self.means.chunks(TILE).zip(self.kept.chunks(TILE)).enumerate()
+            self.means.chunks(STRIDE).zip(self.kept.chunks(STRIDE)).enumerate()
         {
             for &pixel in pixels.iter().filter(|&&p| means[p].is_finite() && kept[p].is_nan()) {
                 for band in 0..bands {
-                    self.samples[(photograph * bands + band) * TILE + pixel] = f32::NAN;
+                    self.samples[(photograph * bands + band) * STRIDE + pixel] = f32::NAN;
                 }
             }
         }
@@ -93,13 +97,13 @@ impl Kernel for ReadTile<'_> {
         let Self { stack, start, scratch } = self;
         let bands = stack.shape().bands;
         let share = 1.0 / bands as f32;
-        let photographs = scratch.samples.chunks_exact_mut(bands * TILE);
+        let photographs = scratch.samples.chunks_exact_mut(bands * STRIDE);
         for (number, (planes, mean)) in
-            photographs.zip(scratch.means.chunks_exact_mut(TILE)).enumerate()
+            photographs.zip(scratch.means.chunks_exact_mut(STRIDE)).enumerate()
         {
             mean.fill(0.0);
-            for (band, plane) in planes.chunks_exact_mut(TILE).enumerate() {
-                stack.read(number, band, start, plane);
+            for (band, plane) in planes.chunks_exact_mut(STRIDE).enumerate() {
+                stack.read(number, band, start, &mut plane[..TILE]);
                 for (mean, &sample) in mean.iter_mut().zip(&*plane) {
                     *mean += sample;
                 }
@@ -110,9 +114,9 @@ impl Kernel for ReadTile<'_> {
         }
         // Bands may cancel out in the mean; in the squares of residuals they do not.
         scratch.scales.fill(0.0);
-        let photographs = scratch.samples.chunks_exact(bands * TILE);
-        for (planes, means) in photographs.zip(scratch.means.chunks_exact(TILE)) {
-            for plane in planes.chunks_exact(TILE) {
+        let photographs = scratch.samples.chunks_exact(bands * STRIDE);
+        for (planes, means) in photographs.zip(scratch.means.chunks_exact(STRIDE)) {
+            for plane in planes.chunks_exact(STRIDE) {
                 for ((size, &mean), &sample) in scratch.scales.iter_mut().zip(means).zip(plane) {
                     *size = if mean.is_finite() { size.max(sample.abs()) } else { *size };
                 }
@@ -122,7 +126,7 @@ impl Kernel for ReadTile<'_> {
         let scale = |size: f32| if size > 0.0 { power_of_two(size) } else { 1.0 };
         scratch.scales.iter_mut().for_each(|size| *size = scale(*size));
         for planes in [&mut scratch.samples, &mut scratch.means] {
-            for plane in planes.chunks_exact_mut(TILE) {
+            for plane in planes.chunks_exact_mut(STRIDE) {
                 for (sample, &scale) in plane.iter_mut().zip(&scratch.scales) {
                     *sample *= scale.recip();
                 }

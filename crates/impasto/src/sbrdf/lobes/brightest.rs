@@ -5,7 +5,7 @@ use crate::math::{Kernel, Level};
 
 use super::model::LobeEstimation;
 use super::photographs::Photographs;
-use super::tile::{LobeFitTile, TILE};
+use super::tile::{LobeFitTile, STRIDE};
 
 /// The normal that mirrors the brightest photograph, per irradiance: a near lamp is no brighter
 /// for being nearer, and it shines on every pixel from elsewhere.
@@ -32,7 +32,7 @@ impl<M: LobeEstimation> Kernel for Look<'_, M> {
     fn run<I: Isa>(self) -> [f32; 3] {
         let Self { photographs, tile, pixel } = self;
         let [x, y] = [&tile.x, &tile.y].map(|axis| f64::from(axis[pixel]));
-        let samples = tile.grey.samples[pixel..].iter().step_by(TILE);
+        let samples = tile.grey.samples[pixel..].iter().step_by(STRIDE);
         let mut best = (f64::NEG_INFINITY, 0);
         for (photograph, &sample) in samples.enumerate() {
             let (_, irradiance, _) = photographs.at::<f64>(photograph, x, y);

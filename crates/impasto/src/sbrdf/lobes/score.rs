@@ -5,7 +5,7 @@ use crate::math::{Kernel, Level, Real, Vec3};
 
 use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
-use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes};
+use super::tile::{Estimate, STRIDE, TileSamples, gather, gather_lobes};
 use crate::lm::nnls::Sums;
 
 /// Evaluates one start of some pixels.
@@ -72,7 +72,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
                 for j in 0..J {
                     columns[1 + j] = photographs.model.value(&lobes[j], &pair, normal) * irradiance;
                 }
-                let place = photograph * TILE + at;
+                let place = photograph * STRIDE + at;
                 let weight = I::F32::load(&samples.weights[place..]);
                 sums.add(&columns, weight, I::F32::load(&samples.samples[place..]));
             }

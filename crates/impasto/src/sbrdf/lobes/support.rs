@@ -9,7 +9,7 @@ use crate::math::{Kernel, Level, Vec3};
 use super::maps::MOST_LOBES;
 use super::model::LobeEstimation;
 use super::photographs::Photographs;
-use super::tile::{Estimate, LobeFitTile, TILE};
+use super::tile::{Estimate, LobeFitTile, STRIDE};
 
 /// Least fraction of its peak that a lobe must reach in some photograph, which it does within two and
 /// a half of its half-widths. At that distance an error of 8 % in the width already changes the
@@ -50,7 +50,7 @@ impl<M: LobeEstimation> Kernel for Look<'_, M> {
         let [x, y] = [&tile.x, &tile.y].map(|axis| f64::from(axis[pixel]));
         let model = &photographs.model;
         let nearest = (0..photographs.len())
-            .filter(|photograph| tile.grey.weights[photograph * TILE + pixel] > 0.0)
+            .filter(|photograph| tile.grey.weights[photograph * STRIDE + pixel] > 0.0)
             .map(|photograph| (photographs.facing_at(photograph, x, y).dot(normal), photograph))
             .max_by(|(a, _), (b, _)| a.total_cmp(b));
         if let Some((_, photograph)) = nearest {

@@ -3,6 +3,7 @@
 use crate::geometry::Rig;
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Mask, Real, Vec3};
+use crate::pixels::stride;
 use crate::sbrdf::Start;
 use crate::stack::Stack;
 
@@ -12,6 +13,9 @@ use super::model::{LobeEstimation, MAX_SHAPES};
 /// Pixels of a tile: few enough that a cancelled call ends within a moment with hundreds of
 /// photographs, enough for the lanes to refill.
 pub(super) const TILE: usize = 256;
+
+/// Samples from one plane to the next.
+pub(super) const STRIDE: usize = stride(TILE);
 
 /// A number of the estimates from `at` on, as lanes; lanes beyond the last repeat it.
 #[inline(always)]
@@ -114,7 +118,7 @@ impl ByLobeCount {
     }
 }
 
-/// Samples `(obs, band, pixel)` of a tile with a weight each.
+/// Samples `(obs, band, pixel)` of a tile with a weight each, planes [`STRIDE`] apart.
 pub(super) struct TileSamples {
     pub(super) bands: usize,
     /// Linear, clipped ones at their ceiling; 0 where unusable.
@@ -127,18 +131,18 @@ pub(super) struct TileSamples {
 
 impl TileSamples {
     pub(super) fn new(photographs: usize, bands: usize) -> Self {
-        let size = photographs * bands * TILE;
+        let size = photographs * bands * STRIDE;
         Self { bands, samples: vec![0.0; size], weights: vec![0.0; size] }
     }
 
     /// Photographs times bands.
     pub(super) fn planes(&self) -> usize {
-        self.samples.len() / TILE
+        self.samples.len() / STRIDE
     }
 
     /// One pixel's samples.
     pub(super) fn column(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        self.samples.as_chunks::<TILE>().0.iter().map(move |plane| plane[pixel % TILE])
+        self.samples.as_chunks::<STRIDE>().0.iter().map(move |plane| plane[pixel % TILE])
     }
 
     /// The mean of the bands of a pixel's photograph, and its weight; both 0 where a band does not
@@ -147,8 +151,8 @@ impl TileSamples {
         let planes = photograph * self.bands..(photograph + 1) * self.bands;
         let (mut light, mut variance) = (0.0, 0.0);
         for plane in planes {
-            light += f64::from(self.samples[plane * TILE + pixel]);
-            variance += f64::from(self.weights[plane * TILE + pixel].max(0.0)).recip();
+            light += f64::from(self.samples[plane * STRIDE + pixel]);
+            variance += f64::from(self.weights[plane * STRIDE + pixel].max(0.0)).recip();
         }
         let bands = self.bands as f64;
         if variance.is_finite() { [light / bands, bands * bands / variance] } else { [0.0; 2] }
@@ -157,7 +161,7 @@ impl TileSamples {
     /// Sample and weight of some pixels in one plane.
     #[inline(always)]
     pub(super) fn at<R: Real<Scalar = f32>>(&self, plane: usize, at: usize) -> (R, R) {
-        let place = plane * TILE + at;
+        let place = plane * STRIDE + at;
         (R::load(&self.samples[place..]), R::load(&self.weights[place..]))
     }
 
@@ -170,12 +174,12 @@ impl TileSamples {
         let share = sample.max(R::zero()) / diffuse;
         let dark = diffuse.gt(sample) & weight.gt(R::zero());
         let lit = R::select(dark, share * share * share, R::one());
-        (weight * lit).store(&mut self.weights[plane * TILE + at..]);
+        (weight * lit).store(&mut self.weights[plane * STRIDE + at..]);
     }
 
     /// One pixel's weights.
     pub(super) fn weights_of(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        self.weights.as_chunks::<TILE>().0.iter().map(move |plane| plane[pixel % TILE])
+        self.weights.as_chunks::<STRIDE>().0.iter().map(move |plane| plane[pixel % TILE])
     }
 }
 
@@ -250,7 +254,7 @@ impl LobeFitTile {
         for run in chosen.chunk_by(|pixel, next| pixel + 1 == *next) {
             let end = at + run.len();
             rig.grid().coordinates(run[0], &mut self.x[at..end], &mut self.y[at..end]);
-            for (plane, out) in self.colour.samples.chunks_mut(TILE).enumerate() {
+            for (plane, out) in self.colour.samples.chunks_mut(STRIDE).enumerate() {
                 stack.read(plane / bands, plane % bands, run[0], &mut out[at..end]);
             }
             at = end;
@@ -295,7 +299,7 @@ impl LobeFitTile {
         for photograph in 0..self.colour.planes() / bands {
             let (mut grey, mut whole) = (zero, R::Mask::splat(true));
             for plane in photograph * bands..(photograph + 1) * bands {
-                let place = plane * TILE + at;
+                let place = plane * STRIDE + at;
                 let sample = R::load(&self.colour.samples[place..]);
                 let clipped = sample.gt(R::of(f64::from(f32::MAX)));
                 let light = R::select(clipped, R::splat(self.ceilings[plane]), sample);
@@ -310,7 +314,7 @@ impl LobeFitTile {
                 grey = grey + light;
                 whole = whole & counts;
             }
-            let place = photograph * TILE + at;
+            let place = photograph * STRIDE + at;
             usable = usable + R::keep(whole, one);
             let grey = R::keep(whole, grey / R::of(bands as f64));
             grey.store(&mut self.grey.samples[place..]);
@@ -323,7 +327,7 @@ impl LobeFitTile {
                 let (sample, sign) = samples.at::<R>(plane, at);
                 let variance = sample.max(floor);
                 let weight = sign * R::keep(variance.gt(zero), mean / variance);
-                weight.store(&mut samples.weights[plane * TILE + at..]);
+                weight.store(&mut samples.weights[plane * STRIDE + at..]);
             }
         }
         let mut squares = zero;

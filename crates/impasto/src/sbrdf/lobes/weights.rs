@@ -4,7 +4,7 @@
 use crate::math::Real;
 
 use super::bounds::weight_at;
-use super::tile::{TILE, TileSamples};
+use super::tile::{STRIDE, TileSamples};
 
 /// Fraction of a pixel's mean sample below which the noise no longer falls with the light.
 const FLOOR: f64 = 0.1;
@@ -122,7 +122,7 @@ impl<R: Real<Scalar = f32>> Shown<R> {
             let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
             let fresh = R::keep(known, fresh);
             let signed = R::select(bound, -fresh, fresh);
-            R::select(chosen, signed, weight).store(&mut samples.weights[plane * TILE + at..]);
+            R::select(chosen, signed, weight).store(&mut samples.weights[plane * STRIDE + at..]);
             let residual = sample - shown;
             squares = (fresh * residual).mul_add(residual, squares);
         }
@@ -135,7 +135,7 @@ impl<R: Real<Scalar = f32>> Shown<R> {
         for plane in 0..self.all.len() {
             let (sample, weight) = samples.at::<R>(plane, at);
             let weight = weight_at(weight, sample, self.all[plane]);
-            weight.store(&mut samples.weights[plane * TILE + at..]);
+            weight.store(&mut samples.weights[plane * STRIDE + at..]);
         }
     }
 }

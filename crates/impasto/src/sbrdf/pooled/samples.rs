@@ -6,16 +6,14 @@ use crate::brdf::torrance_sparrow::Facet;
 use crate::error::Result;
 use crate::geometry::Rig;
 use crate::maps::Status;
-use crate::math::lanes::LINE;
 use crate::math::tail::load;
 use crate::math::{Isa, Kernel, Level, Real, Vec3};
 use crate::pixels::{self, Run, TILE};
 use crate::stack::Stack;
 use crate::surface::{Pairs, TorranceSparrow};
 
-/// Samples from one plane to the next: a tile and a line of the cache, for planes a power of two apart
-/// would share the few lines of one of its sets.
-pub(super) const STRIDE: usize = TILE + LINE / size_of::<f32>();
+/// Samples from one plane to the next.
+pub(super) const STRIDE: usize = pixels::stride(TILE);
 
 /// What all tiles of a painting share.
 #[derive(Clone, Copy)]

@@ -1,0 +1,94 @@
+"""Jobs that end early: their exit codes, and the words that say how to go on."""
+
+from __future__ import annotations
+
+import errno
+import shlex
+from pathlib import Path
+
+from impasto.cli import console
+from impasto.cli.codes import Exit
+from impasto.errors import ArgumentError
+
+OF_A_NAME = {
+    *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG),
+    *(errno.EACCES, errno.EPERM),
+    errno.EAGAIN,  # a lock that another process holds
+}
+"""Errors of files that were named wrongly, or are in use."""
+
+
+def is_resumable(out: Path) -> bool:
+    """Whether there is a job of this name that is not finished."""
+    from impasto.errors import ImpastoError
+    from impasto.jobs import status
+
+    try:
+        return status(out).state != "finished"
+    except ImpastoError:
+        return False
+
+
+def say_how_to_resume(out: Path) -> None:
+    """The command that goes on, where there is something to go on with."""
+    if is_resumable(out):
+        console.hint(f"go on with: {resume_words(out)}")
+
+
+def is_of_a_disk(error: ArgumentError, *, begun: bool) -> bool:
+    """Whether a file cannot be read because its disk fails, or is gone since the job began."""
+    cause = error.__cause__
+    return isinstance(cause, OSError) and (begun or cause.errno not in OF_A_NAME)
+
+
+def say_how_to_take_less(out: Path, memory: str) -> int:
+    """Half of the memory that was not there, and tiles of another size by a new job."""
+    if not is_resumable(out):
+        console.complain(f"not enough memory: {less_than(memory)}")
+        return Exit.USER_ERROR
+    console.complain(
+        "not enough memory; the tiles of this job keep their size: if less for the rest does not "
+        "do, begin anew with smaller tiles (impasto job run --no-resume --tile)"
+    )
+    console.hint(f"go on with: {resume_words(out)} {_half_of(memory)}")
+    return Exit.PARTIAL
+
+
+def less_than(memory: str) -> str:
+    """What to do where the system does not have this much memory."""
+    return f"give less than {memory}, such as {_half_of(memory)}"
+
+
+def _half_of(memory: str) -> str:
+    from impasto.jobs.grid import bytes_of
+
+    return f"--memory {max(bytes_of(memory) >> 21, 1)}MiB"
+
+
+def say_how_to_repair(out: Path, files: list[Path]) -> None:
+    """A job makes again what its journal has and the disk has not, of the same photographs."""
+    from impasto.jobs.checksums import CHECKSUMS
+    from impasto.jobs.folder import NOTES, partial_of
+    from impasto.jobs.inspection import folder_of
+
+    if (out / CHECKSUMS).is_file():
+        return
+    folder, whole = folder_of(out)
+    if not all(
+        file.is_relative_to(folder) and not file.is_relative_to(folder / NOTES) for file in files
+    ):
+        return
+    rename = (
+        f"mv {shlex.quote(str(folder))} {shlex.quote(str(partial_of(folder)))} && " if whole else ""
+    )
+    console.hint(f"made again, from the photographs, by: {rename}{resume_words(out)}")
+
+
+def resume_words(out: Path) -> str:
+    """The command that goes on with a job."""
+    return f"impasto job resume {shlex.quote(str(out))}"
+
+
+def files_words(count: int) -> str:
+    """So many files."""
+    return "1 file is" if count == 1 else f"{count} files are"
