@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 
 from impasto._internal.wording import counted
-from impasto.effort import PRESETS, Effort
+from impasto.effort import PRESETS, Effort, Origin
 from study import wiener_numpy
 from study.candidates import Row
 from study.excess_cost import PRECISIONS, STEPS
 from study.formatting import between, by_data, differences, levels, named, ratio, share, span
-from study.presets import checked, grid_name
+from study.presets import checked, grid_name, preset_of
 from study.recommendations import choice, enough
 from study.repeatability import TENTH, apart
 from study.tables import SETS, beaten, compared, of_knob, preset_rows, searched_in, unbeaten
 from study.treatments import SELECTIONS
 
 VIEWS = "770 views"
-MULTISTART, NEIGHBOURS = PRESETS["reference"].start, PRESETS["standard"].start
+MULTISTART: Origin = "multistart"
+NEIGHBOURS: Origin = "neighbours"
 """Where searches start: at fixed widths, or at what other pixels found."""
 CUT = 39
 """How many times fewer photographs Heuberger speaks of, at least: some forty."""
@@ -326,6 +327,9 @@ def size(rows: Sequence[Row]) -> str:
     lines, times = [], 0
     for row in of_knob(rows, "size"):
         name = row["setting"]
+        preset = preset_of(row["options"])
+        if "effort" in row["options"] and name != f"lobes per pixel, {preset}":
+            continue  # measured before the preset was what it is
         before = small[name][row["data"]]["cost"]["cpu"]
         lines.append(f"{name} {row['cost']['cpu']:.1f} instead of {before:.1f}")
         times = row["number"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, TypeAlias, get_args
 
@@ -137,7 +137,8 @@ def _all() -> Iterator[Setting]:
     some = partial(subsets.strided, stride=minpack.STRIDE)
     yield Setting("peer", minpack.NAME, minpack.fit, ONE_VIEW, part=some)
     # A sample of pixels has no neighbours to start from.
-    alone: dict[str, Any] = {**PER_PIXEL, "effort": PRESETS["reference"], "part": some}
+    effort = replace(PRESETS["standard"], start="multistart")
+    alone: dict[str, Any] = {**PER_PIXEL, "effort": effort, "part": some}
     yield _sbrdf("sample", "ours, MINPACK's pixels", ONE_VIEW, **alone)
     one = "ours, one lobe, MINPACK's pixels"
     yield _sbrdf("sample", one, ONE_VIEW, **alone, lobes=1, ambient=False)
