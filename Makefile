@@ -132,8 +132,9 @@ $(VENV)/release: pyproject.toml constraints.txt | $(VENV)/built
 	@$(BIN)/python -m pip install --requirement $(VENV)/release.txt
 	@touch $@
 
+# What impasto itself needs, too: types are checked before it is installed.
 $(VENV)/extras: pyproject.toml constraints.txt | $(VENV)/created
 	@echo "make: fetching what tests and documentation need"
-	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; print("\n".join(p["test"] + p["docs"]))' > $(VENV)/extras.txt
+	@$(BIN)/python -c 'import tomllib; p = tomllib.load(open("pyproject.toml", "rb"))["project"]; more = p["optional-dependencies"]; print("\n".join(p["dependencies"] + more["test"] + more["docs"]))' > $(VENV)/extras.txt
 	@$(BIN)/python -m pip install --requirement $(VENV)/extras.txt
 	@touch $@
