@@ -22,6 +22,7 @@ from impasto.io import write_stack
 from impasto.jobs import inspection, journal
 from interrupted_jobs import interrupting
 from killed_jobs import tree
+from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 
@@ -213,6 +214,26 @@ def test_dates_of_photographs_do_not_matter(suffix: str, tmp_path: Path, finishe
         impasto.run(source, tmp_path / "b.zarr", progress=change, **OPTIONS)
     shutil.copy(copy, file)
     assert tree(jobs.resume(tmp_path / "b.zarr")) == tree(out)
+
+
+def test_no_tile_of_a_photograph_that_was_exchanged_for_a_while_is_kept(tmp_path: Path) -> None:
+    """It is put back before the job ends, with the content that it had."""
+    path, kept = photographs(tmp_path), (tmp_path / "light2.tif").read_bytes()
+    expected = tree(impasto.run(path, tmp_path / "whole.zarr", tile=16, pooling="none"))
+
+    def change(done: int, total: int) -> None:
+        if done == 2:
+            shutil.copy(tmp_path / "light3.tif", tmp_path / "light2.tif")
+        elif done == 8:
+            (tmp_path / "light2.tif").write_bytes(kept)
+
+    out = tmp_path / "painting.zarr"
+    with pytest.raises(ResumeMismatchError, match=r"light2\.tif has changed while the job ran"):
+        impasto.run(path, out, memory="1MB", tile=16, pooling="none", progress=change)
+    (tmp_path / "light2.tif").write_bytes(kept)
+    found = tree(jobs.resume(out))
+    assert {name for name in found if name.startswith("normal/c")}
+    assert all(found[n] == expected[n] for n in found if n.startswith(("normal/c", "diffuse/c")))
 
 
 def test_a_journal_that_is_begun_while_it_is_read_is_well(

@@ -88,7 +88,7 @@ def test_a_crate_has_no_damaged_tile(store: Path, tmp_path: Path) -> None:
     with pytest.raises(CorruptInputError, match=rf"normal/c/0/1/0: {tile}: is missing; impasto"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     (out / "beta/zarr.json").write_text("{}")
-    with pytest.raises(CorruptInputError, match=r"zarr.json: is not whole: .*; so are 1 more"):
+    with pytest.raises(CorruptInputError, match=r"zarr.json: is not whole: .*; so is 1 more file"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     assert not (tmp_path / "crate").exists()
 
@@ -99,7 +99,7 @@ def test_a_crate_has_no_file_of_others(store: Path, tmp_path: Path) -> None:
     foreign = [out / ".DS_Store", out / "normal" / "notes.txt"]
     for path in foreign:
         path.write_bytes(b"of somebody else")
-    with pytest.raises(CorruptInputError, match=r"\.DS_Store: does not .*; nor do 1 more files"):
+    with pytest.raises(CorruptInputError, match=r"\.DS_Store: does not .*; nor does 1 more file"):
         jobs.export_ro_crate(out, tmp_path / "crate")
     assert not (tmp_path / "crate").exists()
     for path in foreign:

@@ -32,7 +32,7 @@ def choice(rows: Sequence[Row]) -> str:
             '* **A first look: `pooling="pixel", effort="draft"`.** '
             f"{ratio(draft, standard):.2f} times the time of the standard effort; at most "
             f"{_most(standard, draft)} are lost, and {_doubted(draft, standard)}.",
-            '* **The most accurate: `pooling="pixel", effort="reference"`.** '
+            '* **Three rounds instead of two: `pooling="pixel", effort="reference"`.** '
             f"{ratio(reference, standard):.1f} times the time; at most "
             f"{_most(reference, standard)} are gained.",
             '* **One strength and one width for the painting: `pooling="painting"`.** It needs the '

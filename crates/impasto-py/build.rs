@@ -12,7 +12,8 @@ fn main() -> io::Result<()> {
     for source in SOURCES {
         let folder = here.join(source);
         println!("cargo::rerun-if-changed={}", folder.display());
-        for file in files(&folder)? {
+        // An archive of an extension without a renderer for graphics cards has no sources of it.
+        for file in if folder.is_dir() { files(&folder)? } else { Vec::new() } {
             // The same on every system, wherever the sources lie.
             let name = file.strip_prefix(&folder).unwrap_or(&file);
             for part in name.components() {
@@ -26,14 +27,20 @@ fn main() -> io::Result<()> {
     Ok(())
 }
 
-/// The files below a folder, in the order of their names.
+/// The sources below a folder, in the order of their names; no file that an editor or a system leaves.
 fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut entries =
         fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
     entries.sort();
     let mut found = Vec::new();
     for path in entries {
-        if path.is_dir() { found.extend(files(&path)?) } else { found.push(path) }
+        let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+        let source = path.extension().is_some_and(|ending| ending == "rs" || ending == "wgsl");
+        if path.is_dir() {
+            found.extend(files(&path)?);
+        } else if source && !hidden {
+            found.push(path);
+        }
     }
     Ok(found)
 }

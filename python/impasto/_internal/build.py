@@ -20,7 +20,7 @@ def build_name() -> str:
     info = _core.build_info()
     digest = hashlib.sha256(info["sources"].encode())
     package = Path(__file__).resolve().parents[1]
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted(package.rglob("[!.]*.py")):
         digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
     return f"{info['version']}+{digest.hexdigest()[:12]}"

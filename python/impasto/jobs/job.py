@@ -309,7 +309,8 @@ def _carried_out(
                 callback(count, len(grid))
 
         report(len(done))
-        log = TileLog(notes, grid, journal, report)
+        # A photograph that is exchanged, and put back before the job ends, is in the tiles between.
+        log = TileLog(notes, grid, journal, report, lambda: _refuse_changed(photographs))
         missing = [tile for tile in grid if tile not in done]
         if client is None:
             fit_tiles(

@@ -327,8 +327,15 @@ class Files(Photographs):
         return found
 
     def changed(self) -> list[Path]:  # noqa: D102
-        touched = [path for path, trace in self._seen.items() if _trace(path) != trace]
-        return [path for path in touched if self._is_other(path)]
+        found = []
+        for path, trace in list(self._seen.items()):
+            if (now := _trace(path)) == trace:
+                continue
+            if self._is_other(path):
+                found.append(path)
+            else:
+                self._seen[path] = now  # read again once for every date
+        return found
 
     def _keep(self, path: Path, entry: dict[str, Any]) -> None:
         """Keep the hash of a file that was still the one that was opened when it was hashed."""

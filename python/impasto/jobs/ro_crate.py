@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from impasto._internal.wording import counted
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
@@ -120,7 +121,7 @@ def _checked_files(store: Path, entries: Entries) -> list[str]:
         found += [(finding, place) for finding in changed(store, entry.shards)]
     if found:
         first, place = found[0]
-        more = f"; so are {len(found) - 1} more files" if len(found) > 1 else ""
+        more = _others(len(found) - 1, "so is", "so are")
         raise CorruptInputError(
             Path(first.file),
             f"is not whole{place}: {first.problem}{more}; impasto job verify {store} lists all "
@@ -129,13 +130,17 @@ def _checked_files(store: Path, entries: Entries) -> list[str]:
     # The lock of a process that was killed in its last step is no part of the result.
     foreign = sorted(Path(finding.file) for finding in others(store, {*own, f"{NOTES}/{LOCK}"}))
     if foreign:
-        more = f"; nor do {len(foreign) - 1} more files" if len(foreign) > 1 else ""
+        more = _others(len(foreign) - 1, "nor does", "nor do")
         raise CorruptInputError(
             foreign[0],
             f"does not belong to the store{more}: a crate holds what the job has written; move it "
             f"to another folder (impasto job verify {store} lists all)",
         )
     return sorted(own)
+
+
+def _others(count: int, one: str, many: str) -> str:
+    return f"; {one if count == 1 else many} {counted(count, 'more file')}" if count else ""
 
 
 def _link_all(store: Path, names: Iterable[str], target: Path) -> None:

@@ -64,15 +64,23 @@ class TileLog:
         Gets a line for every tile.
     report
         Called after every tile with the number of those that are on the disk at least.
+    check
+        Called before a tile is taken down; an error of it leaves the tile out.
     """
 
     def __init__(
-        self, notes: Path, grid: Grid, journal: Journal, report: Callable[[int], object]
+        self,
+        notes: Path,
+        grid: Grid,
+        journal: Journal,
+        report: Callable[[int], object],
+        check: Callable[[], object] = lambda: None,
     ) -> None:
         self._notes = notes
         self._grid = grid
         self._journal = journal
         self._report = report
+        self._check = check
         self._reported = len(journal.entries.tiles)
         path = notes / NUMBERS
         self._known = bool(read_npz(path)[KNOWN]) if path.exists() else None
@@ -85,6 +93,7 @@ class TileLog:
 
     def add(self, tile: Tile, written: WrittenTile) -> None:
         """A tile all of whose files are on the disk."""
+        self._check()
         self._keep(written.numbers)
         self._journal.add(tile, written.entry)
         before, self._last = self._last, time.monotonic()
