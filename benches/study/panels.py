@@ -186,7 +186,7 @@ def steps(axes: Any, found: Row, data: str) -> None:
     by_rounds: dict[int, list[Row]] = {}
     for row in rows:
         effort = Effort(**row["options"]["effort"])
-        if effort.start == "multistart":
+        if effort.start == "multistart" and effort.colour_iterations is None:
             by_rounds.setdefault(effort.rounds, []).append(row | {"number": effort.iterations})
     # One hue from light to dark for an ordered quantity.
     for shade, (rounds, some) in zip(SHADES, sorted(by_rounds.items()), strict=False):
