@@ -14,6 +14,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, jobs
+from impasto._internal.build import build_name
 from impasto.cli import main
 from impasto.io import write_lights, write_tiff16
 from killed_jobs import stack, tree
@@ -65,7 +66,7 @@ def test_a_crate_says_what_was_made_of_what(job: Path, tmp_path: Path) -> None:
     assert root["license"] == {"@id": address}
     action = found["#fit"]
     assert action["@type"] == "CreateAction"
-    assert found[action["instrument"]["@id"]]["softwareVersion"] == impasto.__version__
+    assert found[action["instrument"]["@id"]]["softwareVersion"] == build_name()
     assert action["result"] == {"@id": "a.zarr/"}
     files = [found[one["@id"]] for one in action["object"] if one["@id"].startswith("file:")]
     assert len(files) == 13
