@@ -28,7 +28,7 @@ SHADES = ("#a9cfe6", "#56a0d0", "#0072b2", "#003a5c")
 OURS = "ours, MINPACK's pixels"
 BY = {
     "l1": (-9, 3), "rank": (-21, -2), "huber": (5, 6), "cauchy": (6, -1), "tukey": (6, -8),
-    "robust": (3, -10), "threshold": (-14, -12),
+    "robust": (3, -10), "threshold": (-14, -12), "trimmed": (1, -10),
 }  # fmt: skip
 """Offsets of labels from their points, in typographic points."""
 BESIDE = {
