@@ -55,11 +55,11 @@ class Effort:
         use multistart everywhere.
     precision
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
-        ``"single"`` ends where a step lowers the cost by a millionth or less. ``"polished"``: the
-        last round continues in double precision with up to as many steps again; it takes 1.3 times
-        as long. ``"double"``: every search is in double precision; it takes 1.5 to 2 times as long.
-        With enough steps these two end within 1e-11 of the least cost,
-        ``"single"`` within about 1e-6. All three predict held-out photographs equally well.
+        ``"single"`` ends where the next step would be shorter than a tenth of a standard deviation.
+        ``"polished"``: the last round continues in double precision with up to as many steps again;
+        it takes 1.6 times as long. ``"double"``: every search is in double precision; it takes 2.4
+        times as long. With enough steps these two end within 1e-11 of the least cost. All three
+        predict held-out photographs equally well.
         Samples, weights and results are always in single precision; ``converged`` is stricter in
         double. Other fits ignore this setting: the one lobe of a painting or a segment is always
         fitted in double precision, from sums over pixels in single precision; Lafortune lobes are

@@ -13,7 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::math::Level;
-use crate::math::lanes::LINE;
+use crate::math::lanes::{LINE, MAX_LANES};
 use crate::passes::Passes;
 
 /// Pixels of a tile: 16 photographs of 16 bits are 128 KiB, which stay in the second-level cache
@@ -42,6 +42,10 @@ impl Pool {
             .build()
             .map(Self)
             .map_err(|error| Error::argument("threads", format!("cannot start {threads}: {error}")))
+    }
+
+    fn threads(&self) -> usize {
+        self.0.current_num_threads()
     }
 
     /// Not generic: what a call to rayon needs is compiled once, not for every kind of tile.
@@ -97,6 +101,17 @@ impl Run<'_> {
             return true;
         }
         self.cancel.load(Ordering::Relaxed)
+    }
+
+    /// How many pixels a piece of work has where so many are cut into pieces of at most `most`, and
+    /// every thread gets as many pieces as the others.
+    ///
+    /// Samples of some hundred pixels are less than one of the largest pieces for every thread. Only
+    /// for work whose results do not depend on the pieces.
+    pub(crate) fn piece(&self, pixels: usize, most: usize) -> usize {
+        let threads = self.pool.map_or(1, Pool::threads);
+        let pieces = pixels.div_ceil(most).max(1).next_multiple_of(threads);
+        pixels.div_ceil(pieces).max(MAX_LANES.min(most))
     }
 
     fn look(&self) -> Result<()> {
@@ -393,6 +408,27 @@ mod tests {
         assert_eq!(looks::count(|run| run.joined(parts)), TILES);
         assert_eq!(looks::count(|run| run.filled(0, TILES * TILE)), TILES);
         assert_eq!(looks::stopped_at(3, |run| run.copied(&map)), (Err(Error::Cancelled), 3));
+    }
+
+    #[test]
+    fn every_thread_gets_as_many_pieces() {
+        let (cancel, progress) = (AtomicBool::new(false), Progress::default());
+        for (threads, few) in [(1, 192), (2, 144), (3, 192), (8, 72), (64, MAX_LANES)] {
+            let pool = Pool::new(threads).unwrap();
+            let pool = Some(&pool);
+            let run = Run { pool, level: Level::Baseline, cancel: &cancel, progress: &progress };
+            for pixels in [0, 1, 15, 16, 17, 36, 576, 2304, 100_000, 1 << 20] {
+                let piece = run.piece(pixels, 256);
+                // Smaller ones than the widest registers would leave lanes empty.
+                assert!((MAX_LANES..=256).contains(&piece));
+                // While the last pieces are worked on, a sixteenth of the threads' time is lost.
+                let pieces = pixels.div_ceil(piece);
+                let idle = pieces.next_multiple_of(threads) - pieces;
+                assert!(piece == MAX_LANES || 16 * idle <= pieces, "{pixels} on {threads}");
+            }
+            assert_eq!(run.piece(576, 256), few);
+        }
+        assert_eq!(serially(|run| run.piece(1 << 20, 256)), 256);
     }
 
     #[test]

@@ -32,6 +32,10 @@ pub(super) struct LmSearch<R: Real, const N: usize> {
     reason: R,
 }
 
+/// Damping up to which what a step promises is nearly all that is left to gain. Beyond, the next step is
+/// tried, however little it promises.
+const TRUSTED: f64 = 0.01;
+
 /// A tolerance, no finer than the numbers' rounding.
 #[inline(always)]
 fn tolerance<R: Real>(value: f64) -> R {
@@ -183,7 +187,11 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
         let short = moved.le(near * near * size);
         self.trial = trial;
         self.gain = gain;
+        // Where bounds have cut the step, the model may predict an increase.
+        let worth = R::of(options.offset * options.offset) * *cost;
+        let settled = gain.abs().le(worth) & self.damping.le(R::of(TRUSTED));
         self.end(level, Reason::Gradient);
+        self.end(settled, Reason::Cost);
         self.end(self.passes.gt(R::of(options.max_iterations as f64)), Reason::MaxIterations);
         self.end(short, Reason::Step);
     }

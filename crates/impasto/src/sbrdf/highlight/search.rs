@@ -44,6 +44,7 @@ const SEARCH: Options = Options {
     cost: 1e-5,
     step: 1e-5,
     gradient: 1e-5,
+    offset: 0.0,
     damping: 1e-2,
     memory: 0.0,
 };

@@ -24,8 +24,15 @@ const LOST: f64 = 1e12;
 const SHORT: f64 = 1.0 - 1e-5;
 
 /// No step is taken.
-const STAY: Options =
-    Options { max_iterations: 0, cost: 0.0, step: 0.0, gradient: 0.0, damping: 1.0, memory: 0.0 };
+const STAY: Options = Options {
+    max_iterations: 0,
+    cost: 0.0,
+    step: 0.0,
+    gradient: 0.0,
+    offset: 0.0,
+    damping: 1.0,
+    memory: 0.0,
+};
 
 /// Pixels of a tile whose normals and lobes have settled.
 pub(super) struct Covariance<'a> {

@@ -21,6 +21,7 @@ const POLISH: Options = Options {
     cost: 1e-9,
     step: 1e-7,
     gradient: 1e-7,
+    offset: 0.0,
     damping: 1e-2,
     memory: 0.0,
 };

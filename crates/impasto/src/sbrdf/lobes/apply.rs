@@ -87,7 +87,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
     /// Fits a tile's pixels and writes their maps.
     fn fill(&self, tile: Grid, out: LobeMapsMut<'_>) -> Result<()> {
         self.run.for_each(
-            out.tiles(TILE),
+            out.tiles(self.run.piece(tile.width * tile.height, TILE)),
             || LobeScratch::new(self.stack),
             |scratch, mut out| {
                 let pixels: Vec<usize> = (out.start..out.start + out.len())

@@ -15,7 +15,7 @@ use super::options::{LobeOptions, Precision};
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::score::Score;
-use super::search::{Freedom, Search};
+use super::search::{Freedom, Search, settled};
 use super::seeds::{Seed, Seeds};
 use super::support::supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile};
@@ -267,6 +267,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             1 => Purpose::FirstLobe,
             _ => Purpose::MoreLobes,
         };
+        let max_iterations = self.options.iterations;
+        let options = Options { max_iterations, cost: 1e-4, ..Options::single() };
+        let double = self.options.precision == Precision::Double;
         self.count(purpose, || {
             Search {
                 photographs: self.photographs,
@@ -280,13 +283,8 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 found: &mut tile.estimates,
                 pixels,
                 lobes,
-                double: self.options.precision == Precision::Double,
-                options: &Options {
-                    max_iterations: self.options.iterations,
-                    damping: 1e-2,
-                    cost: 1e-4,
-                    ..Options::single()
-                },
+                options: &settled(options, double, self.photographs.len()),
+                double,
                 level: self.run.level,
             }
             .run()

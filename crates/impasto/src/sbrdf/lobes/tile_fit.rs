@@ -23,7 +23,7 @@ use super::photographs::Photographs;
 use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::residuals::{Residuals, likeness};
 use super::reweight::{COLUMNS, Reweight, Solution};
-use super::search::{Freedom, Search};
+use super::search::{Freedom, Search, settled};
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE, Unbounded};
@@ -103,7 +103,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             return Err(Error::geometry("tile", problem));
         };
         let found = self.run.map(
-            pixels.chunks(TILE).collect(),
+            pixels.chunks(self.run.piece(pixels.len(), TILE)).collect(),
             || LobeScratch::new(self.stack),
             |scratch, pixels| {
                 let (fitted, by_count) = self.fit_pixels(scratch, pixels);
@@ -296,7 +296,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     ) {
         let starts = &tile.estimates.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
-        let options = &Options { max_iterations: self.options.colour_iterations, ..tolerances };
+        let options = Options { max_iterations: self.options.colour_iterations, ..tolerances };
+        let options = &settled(options, double, tile.colour.planes());
         for &pixel in fitted {
             tile.estimates[pixel].cost = f32::INFINITY;
             tile.estimates[pixel].converged = false;

@@ -39,6 +39,7 @@ const SEARCH: Options = Options {
     cost: 1e-6,
     step: 2e-5,
     gradient: 1e-8,
+    offset: 0.0,
     damping: 1e-2,
     memory: 0.0,
 };
