@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 import failing_steps
+import impasto
+from impasto import simulate
 from impasto.cli import main
+from impasto.cli.codes import Exit
 from impasto.io import write_stack
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -97,3 +100,24 @@ def test_a_full_disk_before_there_is_a_job_is_a_line_of_the_command_line(
     assert "no space left on device" in told
     assert f"{out}.partial" in "".join(told.split("\n"))
     assert main(words) == 0
+
+
+def test_a_merge_that_a_full_disk_ends_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    painting = simulate.default_capture("tominaga-rgb-camera", size=(64, 112)).stack
+    whole = impasto.fit_sbrdf(painting, pooling="none", check=False)
+    frames = [tmp_path / "left.npz", tmp_path / "right.npz"]
+    for frame, columns in zip(frames, (slice(72), slice(40, None)), strict=True):
+        whole[:, columns].save(frame)
+    out = tmp_path / "out" / "a.zarr"
+    out.parent.mkdir()
+    words = ["job", "merge", *map(str, frames), "--out", str(out), "--tile", "64"]
+    with failing_steps.counted(failing_steps.Steps(out.parent, 100, errno.ENOSPC)) as steps:
+        assert main(words) == Exit.PARTIAL
+    assert steps.failed
+    told = capsys.readouterr().err
+    assert "Traceback" not in told
+    assert "no space left on device" in told
+    assert "the same command goes on with it" in told
+    assert main(words) == Exit.OK

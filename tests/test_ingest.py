@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import dask.array
 import numpy as np
 import pytest
 import zarr
@@ -277,6 +278,17 @@ def test_what_cannot_be_is_refused(options: dict[str, Any], words: str, tmp_path
     out = tmp_path / options.pop("out", "stack.zarr")
     with pytest.raises(ArgumentError, match=words):
         impasto.ingest(stack(), out, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_has_no_windows_is_refused(tmp_path: Path) -> None:
+    """A lazy stack, or an array: with what to do instead."""
+    samples = dask.array.from_array(stack().samples)
+    lazy = impasto.LazyStack(samples, lights=stack().rig, scale=1 / 4095)
+    with pytest.raises(ArgumentError, match=r"source: a store of .*LazyStack; .*give the files"):
+        impasto.ingest(lazy, tmp_path / "a.zarr")  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match=r"source: a store of photographs cannot read a "):
+        impasto.ingest(stack().samples, tmp_path / "a.zarr")  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
 
 

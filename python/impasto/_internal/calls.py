@@ -86,19 +86,25 @@ def reporting(
 def _bar(description: str) -> Iterator[ProgressCallback]:
     """A bar on stderr that starts with the first call and is gone at the end; none in a log."""
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    from impasto._internal.bars import Remaining
 
     console = Console(stderr=True)
     if not console.is_terminal:
         yield lambda done, total: None
         return
-    display = Progress(console=console, transient=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), Remaining())
+    display = Progress(*columns, console=console, transient=True)
     task = display.add_task(description, total=None)
+    first: int | None = None
 
     def update(done: int, total: int) -> None:
+        nonlocal first
+        first = total if first is None else first
         if not display.live.is_started:
             display.start()
-        display.update(task, completed=done, total=total)
+        display.update(task, completed=done, total=total, grows=total != first)
 
     try:
         yield update

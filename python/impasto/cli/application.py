@@ -25,6 +25,7 @@ from impasto.cli import (
     session,
 )
 from impasto.cli.codes import Exit
+from impasto.cli.resuming import os_words
 from impasto.colour._science import alone
 from impasto.errors import CorruptInputError, GeometryError, ImpastoError, InternalError
 
@@ -112,7 +113,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         console.complain(str(error) if by_nature else _in_options(str(error)))
         return Exit.USER_ERROR
     except OSError as error:
-        console.complain(printable(_os_words(error)))
+        console.complain(printable(os_words(error)))
         return Exit.USER_ERROR
     except MemoryError:
         console.complain(
@@ -167,10 +168,3 @@ def _defect_words(error: Exception) -> str:
     place = f"{Path(last.filename).name}, line {last.lineno}, {last.name}"
     words = f"{type(error).__name__}: {error}"
     return f"a defect in impasto, please report it: {words} ({place})"
-
-
-def _os_words(error: OSError) -> str:
-    if not error.strerror:
-        return str(error)
-    words = f"{error.strerror[0].lower()}{error.strerror[1:]}"
-    return words if error.filename is None else f"{error.filename}: {words}"

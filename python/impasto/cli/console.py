@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
+from impasto._internal.bars import Remaining
 from impasto._internal.printable import printable
 from impasto.errors import ImpastoWarning
 from impasto.report import Timings
@@ -128,7 +129,7 @@ class Stages:
             SpinnerColumn(style="dim"),
             TextColumn(f"{name:<{NAME_WIDTH}}"),
             BarColumn(40, complete_style="cyan", finished_style="cyan", pulse_style="cyan"),
-            TextColumn("[dim]{task.fields[words]}"),
+            Remaining(),
         )
         # A log file only gets the final lines.
         hidden = not self._console.is_terminal
@@ -136,7 +137,7 @@ class Stages:
         with bars as progress, self.timings.stage(name):
             # Until there is progress, what is being done.
             task = progress.add_task(name, total=None, words=note)
-            shown = note
+            shown, first = note, None
 
             def show(words: str) -> None:
                 nonlocal shown
@@ -144,9 +145,11 @@ class Stages:
                 progress.update(task, words=words)
 
             def advance(done: int, total: int) -> None:
+                nonlocal first
+                first = total if first is None else first
                 if done and shown == note:
                     show("")
-                progress.update(task, completed=done, total=total)
+                progress.update(task, completed=done, total=total, grows=total != first)
 
             stage.advance, stage.show, stage.refresh = advance, show, progress.refresh
             yield stage

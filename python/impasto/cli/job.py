@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import signal
 import time
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
 
+from impasto._internal.bars import memory_words, time_words
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.heap import share_one_heap
 from impasto.cli import console
@@ -26,6 +26,7 @@ from impasto.cli.resuming import (
     files_words,
     is_of_a_disk,
     is_resumable,
+    os_words,
     resume_words,
     say_how_to_repair,
     say_how_to_resume,
@@ -262,7 +263,7 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         and found.seconds_left is not None
     ):
         rows["pace"] = _pace_words(found.pixels_per_second)
-        rows["left"] = _time_words(found.seconds_left)
+        rows["left"] = time_words(found.seconds_left)
     if found.state == "interrupted":
         rows["resume"] = resume_words(out)
     page = console.stdout()
@@ -438,8 +439,7 @@ def _worked(
     except OSError as error:
         if not is_resumable(out) or error.errno is None:
             raise
-        where = "" if error.filename is None else f"{error.filename}: "
-        console.complain(f"{where}{error.strerror}")
+        console.complain(os_words(error))
         say_how_to_resume(out)
         return Exit.PARTIAL
     except ArgumentError as error:
@@ -494,13 +494,13 @@ class _Pace:
             found = jobs.status(self._out)
             self._pixels = found.pixels / found.tiles
         seconds, tiles = now - self._start[0], done - self._start[1]
-        words = f"{done} of {total}"
+        parts = [f"{done} of {total}"]
         if done == total:
-            return f"{words}, {PHASES['scales']}{_memory_words()}"
-        if tiles and seconds > 0:
-            words += f", {_pace_words(tiles * self._pixels / seconds)}"
-            words += f", {_time_words((total - done) * seconds / tiles)} left"
-        return words + _memory_words()
+            parts.append(PHASES["scales"])
+        elif tiles and seconds > 0:
+            parts.append(_pace_words(tiles * self._pixels / seconds))
+            parts.append(f"{time_words((total - done) * seconds / tiles)} left")
+        return ", ".join(filter(None, (*parts, memory_words())))
 
     def summary(self, out: Path) -> str:
         """At the end."""
@@ -532,19 +532,3 @@ def _pace_words(pixels_per_second: float) -> str:
     if pixels_per_second < 1e5:
         return f"{pixels_per_second / 1e3:.3g} kpx/s"
     return f"{pixels_per_second / 1e6:.3g} Mpx/s"
-
-
-def _time_words(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def _memory_words() -> str:
-    """Memory of this process where the system says."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except (OSError, ValueError, IndexError):
-        return ""
-    return f", {pages * os.sysconf('SC_PAGE_SIZE') / 2**30:.2f} GiB"

@@ -13,6 +13,9 @@ from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.job import terminated_as_interrupted
 from impasto.cli.options import Flag, SomeWhole
+from impasto.cli.resuming import os_words
+
+AGAIN = "the same command goes on with it"
 
 
 def merge(
@@ -67,8 +70,15 @@ def merge(
     except KeyboardInterrupt:
         console.complain("interrupted")
         if stored and partial_of(out).is_dir():
-            console.hint("the same command goes on with it")
+            console.hint(AGAIN)
         return Exit.INTERRUPTED
+    except (OSError, MemoryError) as error:
+        if not (stored and partial_of(out).is_dir()):
+            raise
+        full = "not enough memory"
+        console.complain(os_words(error) if isinstance(error, OSError) else full)
+        console.hint(AGAIN)
+        return Exit.PARTIAL
     if json:
         console.print_json(merged.report.to_dict())
     else:

@@ -35,6 +35,14 @@ def say_how_to_resume(out: Path) -> None:
         console.hint(f"go on with: {resume_words(out)}")
 
 
+def os_words(error: OSError) -> str:
+    """What the system refused, and of which file."""
+    if not error.strerror:
+        return str(error)
+    words = f"{error.strerror[0].lower()}{error.strerror[1:]}"
+    return words if error.filename is None else f"{error.filename}: {words}"
+
+
 def is_of_a_disk(error: ArgumentError, *, begun: bool) -> bool:
     """Whether a file cannot be read because its disk fails, or is gone since the job began."""
     cause = error.__cause__

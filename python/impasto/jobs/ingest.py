@@ -21,7 +21,12 @@ from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import group_metadata, zarr_arrays
 from impasto.io.session.stored import SAMPLES, SUFFIX, arrays_of_store
 from impasto.jobs.grid import MOST, STEP, Footprint, Grid, Tile, bytes_of, checked_tile
-from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
+from impasto.jobs.photographs import (
+    Photographs,
+    check_source,
+    checked_reading,
+    open_photographs,
+)
 from impasto.jobs.pipeline import pipelined
 from impasto.stack import Stack
 
@@ -88,6 +93,7 @@ def ingest(
     """
     target = _checked_target(out)
     need_zarr()
+    check_source(source, "a store of photographs")
     budget = bytes_of(memory)
     given = checked_reading(reading)
     photographs = open_photographs(

@@ -13,7 +13,6 @@ from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
-from impasto.fit.deferred import Deferred
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
@@ -45,7 +44,12 @@ from impasto.jobs.grid import (
 from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_from
 from impasto.jobs.lock import release
-from impasto.jobs.photographs import Photographs, checked_reading, open_photographs
+from impasto.jobs.photographs import (
+    Photographs,
+    check_source,
+    checked_reading,
+    open_photographs,
+)
 from impasto.jobs.record import JobRecord, plain
 from impasto.jobs.tiles import TileLog, fit_tiles
 from impasto.jobs.worker import SharedJob
@@ -155,7 +159,7 @@ def run(
     target = checked_target(out)
     need_zarr()
     client = checked_client(client, source)
-    _check_source(source)
+    check_source(source, "a job")
     budget = bytes_of(memory)
     thread_count(threads)
     given = checked_reading(reading)
@@ -341,21 +345,6 @@ def _refuse_changed(photographs: Photographs) -> None:
             f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
             "begin anew (resume=False, --no-resume)"
         )
-
-
-def _check_source(source: Any) -> None:
-    """Refuse what is no source of a job: its windows are read again and again, in any order."""
-    if isinstance(source, str | os.PathLike | Stack | Photographs):
-        return
-    kind = type(source).__name__
-    if isinstance(source, Deferred):
-        advice = (
-            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give a job the files that it is "
-            "of (impasto ingest makes a store of them)"
-        )
-    else:
-        advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"
-    raise ArgumentError(f"source: a job cannot read a {kind}; {advice}")
 
 
 def _as_path(name: str, value: Any) -> Any:

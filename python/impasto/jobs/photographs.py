@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
@@ -20,6 +21,7 @@ from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
+from impasto.fit.deferred import Deferred
 from impasto.fit.subsample import Sample
 from impasto.io.files import as_problem_of
 from impasto.io.images import open_picture
@@ -446,6 +448,27 @@ class Files(Photographs):
             found = read_npz(self._path, without="samples").get("mask")
             return None if found is None else np.asarray(found, np.bool_)
         return None
+
+
+def check_source(source: Any, reader: str) -> None:
+    """Refuse what has no windows that can be read again and again, in any order.
+
+    Raises
+    ------
+    ArgumentError
+        With what to do: ``reader`` cannot read it.
+    """
+    if isinstance(source, str | os.PathLike | Stack | Photographs):
+        return
+    kind = type(source).__name__
+    if isinstance(source, Deferred):
+        advice = (
+            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give the files that it is of "
+            "(impasto ingest makes a store of them)"
+        )
+    else:
+        advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"
+    raise ArgumentError(f"source: {reader} cannot read a {kind}; {advice}")
 
 
 def open_photographs(
