@@ -206,7 +206,7 @@ def test_a_full_disk_ends_with_a_job_to_resume(
         patched.setattr(os, "fsync", full)
         assert main(job(source, out)) == 4
     said = capsys.readouterr().err
-    assert "No space left on device" in said
+    assert "no space left on device" in said
     assert f"impasto job resume {out}" in said
     assert "Traceback" not in said
     assert main(["job", "resume", str(out), "--quiet"]) == 0

@@ -29,6 +29,12 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// Writes one problem's numbers to its column and returns the parameters to start from.
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N];
 
+    /// How many samples a problem has: by the root of their number [`Options::offset`] is divided,
+    /// which then counts standard deviations.
+    fn samples(&self, _problem: usize) -> usize {
+        1
+    }
+
     /// Cost, gradient and matrix of all lanes at their parameters, in one pass over the rows.
     ///
     /// It must be `#[inline(always)]`, as all that it calls, and treat every lane by itself. Lanes
@@ -253,6 +259,7 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
         search.write(outcomes, B::COVARIANCE);
         let mut starts = [[S::zero(); MAX_LANES]; N];
         let mut fresh = [S::zero(); MAX_LANES];
+        let mut samples = [S::one(); MAX_LANES];
         let mut ended = outcomes.ended(R::WIDTH);
         while ended != 0 {
             let lane = ended.trailing_zeros() as usize % MAX_LANES;
@@ -265,6 +272,7 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
                 held[lane] = problem;
                 *busy |= 1 << lane;
                 fresh[lane] = S::one();
+                samples[lane] = S::from_f64(batch.samples(problem).max(1) as f64);
                 let start = batch.load(problem, &mut Column { block, lane, width: R::WIDTH });
                 for (starts, start) in starts.iter_mut().zip(start) {
                     starts[lane] = start;
@@ -275,6 +283,7 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
         for (start, starts) in start.iter_mut().zip(&starts) {
             *start = R::load(starts);
         }
-        search.begin(R::load(&fresh).gt(R::zero()), start, bounds, options);
+        let fresh = R::load(&fresh).gt(R::zero());
+        search.begin(fresh, start, R::load(&samples), bounds, options);
     }
 }

@@ -27,7 +27,7 @@ pub fn minimise<S: Scalar, const N: usize>(
         return Outcome::nowhere(start);
     }
     let mut search = LmSearch::<S, N>::idle(options);
-    search.begin(Mask::splat(true), start, bounds, options);
+    search.begin(Mask::splat(true), start, S::one(), bounds, options);
     while search.running() {
         let next = problem.normal(search.trial);
         search.accept(search.trial, &next, options);

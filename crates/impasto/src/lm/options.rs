@@ -46,7 +46,8 @@ pub struct Options {
     pub gradient: f64,
     /// The search ends without the next step where that would change the residuals by less than this
     /// share of their length (the relative offset of Bates and Watts [@bates1981offset]): the pass that
-    /// would confirm the end is saved. 0: a step is never left out.
+    /// would confirm the end is saved. 0: a step is never left out. Of a [`Batch`](super::Batch) that
+    /// counts its [samples](super::Batch::samples) it is in standard deviations.
     pub offset: f64,
     /// Damping of the first step, relative to the matrix's diagonal; from 0 to 1e10.
     pub damping: f64,
@@ -75,13 +76,6 @@ impl Options {
     #[must_use]
     pub fn cautious() -> Self {
         Self { max_iterations: 10_000, damping: 100.0, memory: 0.1, ..Self::default() }
-    }
-
-    /// With searches that end where the next step would be shorter than so many standard deviations of
-    /// the parameters, as so many samples determine them.
-    #[must_use]
-    pub fn within(self, deviations: f64, samples: usize) -> Self {
-        Self { offset: deviations / (samples.max(1) as f64).sqrt(), ..self }
     }
 
     /// For single precision: cost to 1e-6, about ten units of its rounding.

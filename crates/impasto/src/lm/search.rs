@@ -24,6 +24,8 @@ pub(super) struct LmSearch<R: Real, const N: usize> {
     growth: R,
     /// Decrease of the cost that the quadratic model predicts for the trial.
     gain: R,
+    /// Share of the cost that a step must promise.
+    worth: R,
     /// Passes so far; the first is that of the start.
     passes: R,
     /// Cost at the start.
@@ -62,18 +64,20 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
             damping: damping(options),
             growth: R::of(2.0),
             gain: zero,
+            worth: zero,
             passes: zero,
             first: zero,
             reason: Reason::Step.code(),
         }
     }
 
-    /// Gives the lanes of the mask a new start.
+    /// Gives the lanes of the mask a new start, of problems of so many samples.
     #[inline(always)]
     pub(super) fn begin(
         &mut self,
         fresh: R::Mask,
         start: [R; N],
+        samples: R,
         bounds: &Bounds<R::Scalar, N>,
         options: &Options,
     ) {
@@ -83,6 +87,8 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
             self.place[i] = R::select(fresh, start, self.place[i]);
             self.diagonal[i] = R::select(fresh, R::zero(), self.diagonal[i]);
         }
+        let worth = R::of(options.offset * options.offset) / samples;
+        self.worth = R::select(fresh, worth, self.worth);
         self.damping = R::select(fresh, damping(options), self.damping);
         self.growth = R::select(fresh, R::of(2.0), self.growth);
         self.passes = R::select(fresh, R::zero(), self.passes);
@@ -188,10 +194,9 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
         self.trial = trial;
         self.gain = gain;
         // Where bounds have cut the step, the model may predict an increase.
-        let worth = R::of(options.offset * options.offset) * *cost;
-        let settled = gain.abs().le(worth) & self.damping.le(R::of(TRUSTED));
+        let negligible = gain.abs().le(self.worth * *cost) & self.damping.le(R::of(TRUSTED));
         self.end(level, Reason::Gradient);
-        self.end(settled, Reason::Cost);
+        self.end(negligible, Reason::Cost);
         self.end(self.passes.gt(R::of(options.max_iterations as f64)), Reason::MaxIterations);
         self.end(short, Reason::Step);
     }

@@ -15,7 +15,7 @@ use super::options::{LobeOptions, Precision};
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::score::Score;
-use super::search::{Freedom, Search, settled};
+use super::search::{Freedom, Search};
 use super::seeds::{Seed, Seeds};
 use super::support::supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile};
@@ -268,7 +268,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             _ => Purpose::MoreLobes,
         };
         let max_iterations = self.options.iterations;
-        let options = Options { max_iterations, cost: 1e-4, ..Options::single() };
+        let options = &Options { max_iterations, cost: 1e-4, ..Options::single() };
         let double = self.options.precision == Precision::Double;
         self.count(purpose, || {
             Search {
@@ -283,8 +283,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 found: &mut tile.estimates,
                 pixels,
                 lobes,
-                options: &settled(options, double, self.photographs.len()),
+                usable: &tile.usable,
                 double,
+                options,
                 level: self.run.level,
             }
             .run()

@@ -15,17 +15,12 @@ use super::photographs::Photographs;
 use super::prior::ShapePrior;
 use super::tile::{Estimate, TileSamples};
 
-/// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
-const STEEPEST: f64 = 6.0;
-
 /// Searches in single precision end where the next step would be shorter, in standard deviations: what is
 /// left out adds half a per cent to the errors that noise makes.
 const OFFSET: f64 = 0.1;
 
-/// When a search ends that fits so many samples.
-pub(super) fn settled(options: Options, double: bool, samples: usize) -> Options {
-    if double { options } else { options.within(OFFSET, samples) }
-}
+/// Largest tilt of one search: 1.4 rad, beyond which a camera sees no surface.
+const STEEPEST: f64 = 6.0;
 
 /// What a search may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +62,8 @@ pub(super) struct Search<'a, M: LobeEstimation> {
     pub(super) found: &'a mut [Estimate],
     pub(super) pixels: &'a [usize],
     pub(super) lobes: usize,
+    /// How many photographs a pixel can use.
+    pub(super) usable: &'a [usize],
     /// Whether it steps and sums in double precision.
     pub(super) double: bool,
     pub(super) options: &'a Options,
@@ -100,11 +97,14 @@ impl<M: LobeEstimation> Search<'_, M> {
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
             typical: self.typical,
             starts: self.starts,
+            usable: self.usable,
             found: self.found,
             scratch: RefCell::new(vec![S::zero(); numbers]),
             bounded: RefCell::default(),
         };
-        fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, self.options)
+        let offset = if self.double { 0.0 } else { OFFSET };
+        let options = &Options { offset, ..*self.options };
+        fit(self.level, &mut lanes, self.pixels.iter().copied(), &bounds, options)
     }
 }
 
@@ -130,6 +130,7 @@ struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: 
     barred: [bool; K],
     typical: Option<&'a [ShapePrior]>,
     starts: &'a [Estimate],
+    usable: &'a [usize],
     found: &'a mut [Estimate],
     /// Columns and their derivatives, photograph by photograph, all lanes.
     scratch: RefCell<Vec<S>>,
@@ -168,6 +169,10 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
 
     fn rows(&self) -> usize {
         2 * self.samples.planes() + 5 + 2 * (N - 2)
+    }
+
+    fn samples(&self, pixel: usize) -> usize {
+        self.usable[pixel] * self.samples.bands
     }
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {

@@ -23,7 +23,7 @@ use super::photographs::Photographs;
 use super::prior::{Prior, ShapePrior, ShapePriors};
 use super::residuals::{Residuals, likeness};
 use super::reweight::{COLUMNS, Reweight, Solution};
-use super::search::{Freedom, Search, settled};
+use super::search::{Freedom, Search};
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
 use super::support::drop_unsupported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE, Unbounded};
@@ -296,8 +296,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     ) {
         let starts = &tile.estimates.clone();
         let tolerances = if double { Options::default() } else { Options::single() };
-        let options = Options { max_iterations: self.options.colour_iterations, ..tolerances };
-        let options = &settled(options, double, tile.colour.planes());
+        let options = &Options { max_iterations: self.options.colour_iterations, ..tolerances };
         for &pixel in fitted {
             tile.estimates[pixel].cost = f32::INFINITY;
             tile.estimates[pixel].converged = false;
@@ -318,6 +317,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                     found: &mut tile.estimates,
                     pixels: &pixels,
                     lobes,
+                    usable: &tile.usable,
                     double,
                     options,
                     level: self.run.level,
