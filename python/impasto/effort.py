@@ -111,7 +111,7 @@ PRESETS: dict[str, Effort] = {
     "reference": Effort(pixels=1 << 18, rounds=3, colour_iterations=3),
 }
 """From the recorded study (``python benches/study --presets``), whose rule calls for fewer steps in
-colour. All three take more of them: with one or two most searches end before they converge."""
+colour. All three take more of them: with one many searches end before they converge."""
 
 
 def resolved(effort: EffortLike) -> Effort:
