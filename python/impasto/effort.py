@@ -41,7 +41,7 @@ class Effort:
         The same of each search on all bands, in each round; default: as many. Few are enough to
         predict photographs: parameters that the samples hardly determine are better left near their
         start. Normals gain from more steps. With ten of both, all but one pixel in a thousand of a
-        simulated painting converge, and all but four in a hundred of a gilded icon. With 1, a round
+        gilded icon converge, with the four of ``"draft"`` all but two in a hundred. With 1, a round
         is one Gauss-Newton step in the pass that renews the weights. After three such rounds errors
         of a simulated painting are up to a twentieth larger than those of ``"standard"``. A pixel
         then counts as converged where its last step was shorter than half a standard deviation.

@@ -13,18 +13,16 @@ _LONG = 2.0
 
 
 class Remaining(ProgressColumn):
-    """The task's own ``words``; of long work without any, the time left and the memory in use.
+    """The task's own ``words``; of long work without any, the memory in use.
 
-    Work whose ``total`` grows on the way (its field ``grows``) does not know how long it takes.
+    And the time left, where the task's ``total`` counts all of the work (its field ``whole``).
     """
-
-    max_refresh = 0.5
 
     def render(self, task: Task) -> Text:
         """The words."""
         words = str(task.fields.get("words", ""))
-        if not words and (task.elapsed or 0.0) > _LONG:
-            left = None if task.fields.get("grows") else task.time_remaining
+        if not words and (task.elapsed or 0.0) > _LONG and not task.finished:
+            left = task.time_remaining if task.fields.get("whole") else None
             times = "" if left is None else f"{time_words(left)} left"
             words = ", ".join(filter(None, (times, memory_words())))
         return Text(words, style="dim")

@@ -63,18 +63,19 @@ def thread_count(threads: int | None) -> int:
 
 @contextmanager
 def reporting(
-    progress: bool | ProgressCallback, description: str
+    progress: bool | ProgressCallback, description: str, *, whole: bool = False
 ) -> Iterator[ProgressCallback | None]:
     """The callback that ``progress=`` asks for: none, a bar on stderr, or the caller's own.
 
-    A bar is gone when the block ends, however it ends.
+    A bar is gone when the block ends, however it ends. It says how much time is left where the
+    first total counts the ``whole`` work.
     """
     if progress is False or progress is None:
         yield None
     elif callable(progress):
         yield progress
     elif progress is True:
-        with _bar(description) as update:
+        with _bar(description, whole) as update:
             yield update
     else:
         raise ArgumentError(
@@ -83,7 +84,7 @@ def reporting(
 
 
 @contextmanager
-def _bar(description: str) -> Iterator[ProgressCallback]:
+def _bar(description: str, whole: bool) -> Iterator[ProgressCallback]:
     """A bar on stderr that starts with the first call and is gone at the end; none in a log."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -96,15 +97,12 @@ def _bar(description: str) -> Iterator[ProgressCallback]:
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), Remaining())
     display = Progress(*columns, console=console, transient=True)
-    task = display.add_task(description, total=None)
-    first: int | None = None
+    task = display.add_task(description, total=None, whole=whole)
 
     def update(done: int, total: int) -> None:
-        nonlocal first
-        first = total if first is None else first
         if not display.live.is_started:
             display.start()
-        display.update(task, completed=done, total=total, grows=total != first)
+        display.update(task, completed=done, total=total)
 
     try:
         yield update

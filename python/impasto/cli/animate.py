@@ -219,12 +219,12 @@ def animate(
         return animation.centred(shot, part.size, (0, 0, 0)) if turntable else shot
 
     if out.suffix:
-        with stages.stage("film") as stage:
+        with stages.stage("film", whole=True) as stage:
             out.parent.mkdir(parents=True, exist_ok=True)
             write_film(out, seen(stage), fps=fps, icc=icc_profile(screen))
         return
     with result_folder(out, inputs=[result, *measured], force=force) as folder:
-        with stages.stage("film") as stage:
+        with stages.stage("film", whole=True) as stage:
             _write_frames(folder, seen(stage), frames, icc_profile(screen))
         content = report(
             "animate",

@@ -122,8 +122,11 @@ class Stages:
                 warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
     @contextmanager
-    def stage(self, name: str, note: str = "") -> Iterator[Stage]:
-        """Run the body as one stage; the body may change the ``note`` of the stage."""
+    def stage(self, name: str, note: str = "", *, whole: bool = False) -> Iterator[Stage]:
+        """Run the body as one stage; the body may change the ``note`` of the stage.
+
+        The bar says how much time is left where its total counts the ``whole`` work.
+        """
         stage = Stage(note)
         columns = (
             SpinnerColumn(style="dim"),
@@ -136,8 +139,8 @@ class Stages:
         bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
         with bars as progress, self.timings.stage(name):
             # Until there is progress, what is being done.
-            task = progress.add_task(name, total=None, words=note)
-            shown, first = note, None
+            task = progress.add_task(name, total=None, words=note, whole=whole)
+            shown = note
 
             def show(words: str) -> None:
                 nonlocal shown
@@ -145,11 +148,9 @@ class Stages:
                 progress.update(task, words=words)
 
             def advance(done: int, total: int) -> None:
-                nonlocal first
-                first = total if first is None else first
                 if done and shown == note:
                     show("")
-                progress.update(task, completed=done, total=total, grows=total != first)
+                progress.update(task, completed=done, total=total)
 
             stage.advance, stage.show, stage.refresh = advance, show, progress.refresh
             yield stage

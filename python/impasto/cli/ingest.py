@@ -52,7 +52,7 @@ def ingest(
     stages = Stages(quiet=quiet)
     options = reading.options()
     try:
-        with stages.stage("tiles", "reading") as stage:
+        with stages.stage("tiles", "reading", whole=True) as stage:
             write(stack, out, memory=memory, tile=tile, reading=options, progress=stage.advance)
             stage.note = f"in {out}"
     except MemoryError:

@@ -13,9 +13,9 @@ from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.job import terminated_as_interrupted
 from impasto.cli.options import Flag, SomeWhole
-from impasto.cli.resuming import os_words
+from impasto.cli.resuming import OF_A_NAME, os_words
 
-AGAIN = "the same command goes on with it"
+AGAIN = "go on with the same command"
 
 
 def merge(
@@ -73,7 +73,8 @@ def merge(
             console.hint(AGAIN)
         return Exit.INTERRUPTED
     except (OSError, MemoryError) as error:
-        if not (stored and partial_of(out).is_dir()):
+        misnamed = isinstance(error, OSError) and error.errno in OF_A_NAME
+        if misnamed or not (stored and partial_of(out).is_dir()):
             raise
         full = "not enough memory"
         console.complain(os_words(error) if isinstance(error, OSError) else full)

@@ -79,7 +79,7 @@ def study(
             photographs = reading.read(stack)
             stage.note = stack_words(photographs)
         say_notes(stages, photographs)
-        with stages.stage("settings") as stage:
+        with stages.stage("settings", whole=True) as stage:
             found = run(
                 photographs, error=error, seconds=seconds, threads=threads, advance=stage.advance
             )

@@ -53,7 +53,7 @@ class LobeSbrdf(PerPixelSbrdf):
         ``(lobe, y, x)`` float32: half-width of the lobe's facets, radians; narrowest first.
     gamma_sigma
         ``(lobe, y, x)`` float32: standard deviation of log gamma. Also NaN where a search ended
-        early (``converged``; mostly with ``effort="draft"``) at an undetermined width.
+        early (``converged``) at an undetermined width.
     tinted
         ``(lobe, y, x)`` bool: whether the photographs support a strength per band (gold, bronzing);
         False where one strength fits all bands (varnish), or the pixel has no such lobe.

@@ -93,7 +93,7 @@ def ingest(
     """
     target = _checked_target(out)
     need_zarr()
-    check_source(source, "a store of photographs")
+    check_source(source, "impasto.ingest")
     budget = bytes_of(memory)
     given = checked_reading(reading)
     photographs = open_photographs(
@@ -108,7 +108,7 @@ def ingest(
     grid = Grid(height, width, min(checked_tile(tile), -(-max(height, width) // STEP) * STEP))
     stop = Stop()
     with (
-        reporting(progress, "tiles") as report,
+        reporting(progress, "tiles", whole=True) as report,
         new_folder(target) as folder,
         beside(lambda: photographs.hashed(lambda done, total: stop.check()), stop) as hashes,
         # Closed before the folder goes: no tile is written into it any more.

@@ -463,8 +463,8 @@ def check_source(source: Any, reader: str) -> None:
     kind = type(source).__name__
     if isinstance(source, Deferred):
         advice = (
-            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give the files that it is of "
-            "(impasto ingest makes a store of them)"
+            "fit it by impasto.fit_sbrdf, which leaves it lazy, or give the files that it is of: "
+            "their paths, or a store of them (impasto ingest)"
         )
     else:
         advice = "expected the path of photographs, an impasto.Stack or an impasto.jobs.Photographs"

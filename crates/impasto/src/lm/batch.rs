@@ -29,8 +29,8 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// Writes one problem's numbers to its column and returns the parameters to start from.
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N];
 
-    /// How many samples a problem has: by the root of their number [`Options::offset`] is divided,
-    /// which then counts standard deviations.
+    /// Number of samples of a problem, by whose root [`Options::offset`] is divided. The default, 1,
+    /// leaves it a share of the residuals' length.
     fn samples(&self, _problem: usize) -> usize {
         1
     }

@@ -44,10 +44,10 @@ pub struct Options {
     pub step: f64,
     /// Largest cosine between residuals and any column of derivatives.
     pub gradient: f64,
-    /// The search ends without the next step where that would change the residuals by less than this
-    /// share of their length (the relative offset of Bates and Watts [@bates1981offset]): the pass that
-    /// would confirm the end is saved. 0: a step is never left out. Of a [`Batch`](super::Batch) that
-    /// counts its [samples](super::Batch::samples) it is in standard deviations.
+    /// The search ends where an undamped step would change the residuals by less than this share of
+    /// their length (the relative offset of Bates and Watts [@bates1981offset]), without that step and
+    /// the pass that would confirm the end. Of a [`Batch`](super::Batch) that counts its
+    /// [samples](super::Batch::samples), in standard deviations of the parameters. 0: never.
     pub offset: f64,
     /// Damping of the first step, relative to the matrix's diagonal; from 0 to 1e10.
     pub damping: f64,

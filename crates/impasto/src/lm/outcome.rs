@@ -8,7 +8,7 @@ use crate::math::{Mask, Real, Scalar};
 #[repr(u8)]
 #[non_exhaustive]
 pub enum Reason {
-    /// The cost no longer falls.
+    /// The cost no longer falls, or would by less than [`Options::offset`](super::Options::offset) asks for.
     Cost = 1,
     /// The steps have become too small.
     Step = 2,
@@ -45,7 +45,8 @@ impl Reason {
         Self::CrossedBounds,
     ];
 
-    /// Whether the parameters are a minimum, as far as the numbers can tell.
+    /// Whether the parameters are a minimum, as far as the numbers can tell, or as near to one as
+    /// [`Options::offset`](super::Options::offset) asks for.
     #[must_use]
     pub fn converged(self) -> bool {
         matches!(self, Self::Cost | Self::Step | Self::Gradient | Self::NoProgress)

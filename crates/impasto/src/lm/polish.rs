@@ -46,6 +46,9 @@ impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f3
     fn rows(&self) -> usize {
         self.batch.rows()
     }
+    fn samples(&self, problem: usize) -> usize {
+        self.batch.samples(problem)
+    }
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; N] {
         self.batch.load(problem, column)
     }
@@ -81,6 +84,9 @@ impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
 
     fn rows(&self) -> usize {
         self.batch.rows()
+    }
+    fn samples(&self, problem: usize) -> usize {
+        self.batch.samples(self.flagged[problem].0)
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, f64>) -> [f64; N] {
         let (number, place) = self.flagged[problem];

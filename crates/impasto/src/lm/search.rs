@@ -24,7 +24,7 @@ pub(super) struct LmSearch<R: Real, const N: usize> {
     growth: R,
     /// Decrease of the cost that the quadratic model predicts for the trial.
     gain: R,
-    /// Share of the cost that a step must promise.
+    /// Share of the cost below which nothing is left that is worth a pass.
     worth: R,
     /// Passes so far; the first is that of the start.
     passes: R,
@@ -34,9 +34,9 @@ pub(super) struct LmSearch<R: Real, const N: usize> {
     reason: R,
 }
 
-/// Damping up to which what a step promises is nearly all that is left to gain. Beyond, the next step is
-/// tried, however little it promises.
-const TRUSTED: f64 = 0.01;
+/// Damping of the step whose gain says what is left: a direction in which samples tell a hundredth of
+/// what its parameters tell alone counts in full, one that rounding leaves open does not.
+const OPEN: f64 = 1e-4;
 
 /// A tolerance, no finer than the numbers' rounding.
 #[inline(always)]
@@ -193,8 +193,16 @@ impl<R: Real, const N: usize> LmSearch<R, N> {
         let short = moved.le(near * near * size);
         self.trial = trial;
         self.gain = gain;
-        // Where bounds have cut the step, the model may predict an increase.
-        let negligible = gain.abs().le(self.worth * *cost) & self.damping.le(R::of(TRUSTED));
+        // What the damped step promises says little of what is left along weak directions.
+        let mut negligible = R::Mask::splat(false);
+        if options.offset > 0.0 {
+            let full = factor_damped(matrix, &self.diagonal, R::of(OPEN), &held).solve(descent);
+            let mut left = zero;
+            for i in 0..N {
+                left = full[i].mul_add(descent[i], left);
+            }
+            negligible = left.le(self.worth * *cost);
+        }
         self.end(level, Reason::Gradient);
         self.end(negligible, Reason::Cost);
         self.end(self.passes.gt(R::of(options.max_iterations as f64)), Reason::MaxIterations);

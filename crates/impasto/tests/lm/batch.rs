@@ -44,12 +44,15 @@ struct Decays<'a> {
     single: Vec<Option<Outcome<f32, 4>>>,
     double: Vec<Option<Outcome<f64, 4>>>,
     blocked: bool,
+    /// How many samples a problem says that it has.
+    count: fn(usize) -> usize,
 }
 
 impl<'a> Decays<'a> {
     fn new(samples: &'a [[f64; SAMPLES]]) -> Self {
         let count = samples.len();
-        Self { samples, single: vec![None; count], double: vec![None; count], blocked: false }
+        let (single, double) = (vec![None; count], vec![None; count]);
+        Self { samples, single, double, blocked: false, count: |_| 1 }
     }
 }
 
@@ -62,6 +65,9 @@ macro_rules! decays {
         impl Batch<$scalar, 4> for Decays<'_> {
             fn rows(&self) -> usize {
                 SAMPLES
+            }
+            fn samples(&self, problem: usize) -> usize {
+                (self.count)(problem)
             }
             fn load(&mut self, problem: usize, column: &mut Column<'_, $scalar>) -> [$scalar; 4] {
                 column.fill(self.samples[problem].map(<$scalar>::from_f64));
@@ -236,6 +242,30 @@ fn rows_added_together_have_the_bits_of_rows_added_one_by_one() {
     decays.blocked = true;
     fit(Level::detect(), &mut decays, 0..50, &bounds::<f32>(), &Options::single());
     assert_eq!(bits(&decays.single), run::<f32>(Level::detect(), &samples, &order));
+}
+
+#[test]
+fn every_lane_ends_at_the_offset_of_its_own_samples() {
+    const OFFSET: f64 = 0.25;
+    let samples = samples(100);
+    let mut decays = Decays::new(&samples);
+    // Squares of powers of two: their roots, and what is divided by them, are exact.
+    decays.count = |n| [1, 16, 4096][n % 3];
+    let options = Options { offset: OFFSET, ..Options::single() };
+    fit(Level::detect(), &mut decays, 0..100, &bounds::<f32>(), &options);
+    let alone: Vec<_> = (0..100)
+        .map(|n| {
+            let offset = OFFSET / ((decays.count)(n) as f64).sqrt();
+            let options = Options { offset, ..options };
+            let problem = Decay(&samples[n]);
+            Some(minimise(&problem, start::<f32>(&samples[n]), &bounds(), &options))
+        })
+        .collect();
+    assert_eq!(bits(&decays.single), bits(&alone));
+    // They differ in where they end.
+    let mut uncounted = Decays::new(&samples);
+    fit(Level::detect(), &mut uncounted, 0..100, &bounds::<f32>(), &options);
+    assert_ne!(bits(&decays.single), bits(&uncounted.single));
 }
 
 #[test]

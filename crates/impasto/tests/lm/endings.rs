@@ -130,6 +130,36 @@ fn a_step_that_noise_hides_is_left_out() {
     }
 }
 
+/// A line whose two columns are nearly parallel: damped steps promise little along their difference.
+struct Parallel;
+
+impl Problem<f64, 2> for Parallel {
+    fn normal(&self, [a, b]: [f64; 2]) -> Normal<f64, 2> {
+        let mut normal = Normal::zero();
+        for i in 0..8 {
+            let (sign, noise) = ([1.0, -1.0][i % 2], [0.1, 0.1, -0.1, -0.1][i % 4]);
+            let columns = [1.0, 1.0 + 0.05 * sign];
+            let sample = 1.0 + 0.5 * sign + noise;
+            normal.add(columns, sample - a * columns[0] - b * columns[1]);
+        }
+        normal
+    }
+}
+
+#[test]
+fn a_weak_direction_is_followed_to_where_noise_hides_it() {
+    const SHARE: f64 = 0.05;
+    // The noise is orthogonal to both columns: what is left of it is the least cost.
+    let least = 8.0 * 0.1 * 0.1;
+    for start in [[0.0, 0.0], [-4.0, 5.0], [-9.0, 9.9]] {
+        let options = Options { offset: SHARE, ..Options::default() };
+        let outcome = minimise(&Parallel, start, &Bounds::none(), &options);
+        let left = outcome.normal.cost / least - 1.0;
+        // The damping of the step that says what is left hides a hundredth of it.
+        assert!(outcome.reason.converged() && left <= 1.02 * SHARE * SHARE, "{left:e} {outcome:?}");
+    }
+}
+
 #[test]
 fn what_has_converged_is_there_at_every_scale() {
     fn sweep<S: Scalar>(powers: impl Iterator<Item = i32>, digits: f64) -> [bool; 2] {

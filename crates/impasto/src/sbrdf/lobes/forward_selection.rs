@@ -283,7 +283,6 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 found: &mut tile.estimates,
                 pixels,
                 lobes,
-                usable: &tile.usable,
                 double,
                 options,
                 level: self.run.level,

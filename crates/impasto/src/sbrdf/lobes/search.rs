@@ -62,8 +62,6 @@ pub(super) struct Search<'a, M: LobeEstimation> {
     pub(super) found: &'a mut [Estimate],
     pub(super) pixels: &'a [usize],
     pub(super) lobes: usize,
-    /// How many photographs a pixel can use.
-    pub(super) usable: &'a [usize],
     /// Whether it steps and sums in double precision.
     pub(super) double: bool,
     pub(super) options: &'a Options,
@@ -97,7 +95,6 @@ impl<M: LobeEstimation> Search<'_, M> {
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
             typical: self.typical,
             starts: self.starts,
-            usable: self.usable,
             found: self.found,
             scratch: RefCell::new(vec![S::zero(); numbers]),
             bounded: RefCell::default(),
@@ -130,7 +127,6 @@ struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: 
     barred: [bool; K],
     typical: Option<&'a [ShapePrior]>,
     starts: &'a [Estimate],
-    usable: &'a [usize],
     found: &'a mut [Estimate],
     /// Columns and their derivatives, photograph by photograph, all lanes.
     scratch: RefCell<Vec<S>>,
@@ -172,7 +168,7 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
     }
 
     fn samples(&self, pixel: usize) -> usize {
-        self.usable[pixel] * self.samples.bands
+        self.samples.weights_of(pixel).filter(|&weight| weight > 0.0).count()
     }
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {

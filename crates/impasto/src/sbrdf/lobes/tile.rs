@@ -79,8 +79,8 @@ pub(super) struct Unbounded {
     pub(super) left: f32,
     /// By how much the cost falls, in units of the variance of its samples; NaN like `left`.
     pub(super) gain: f32,
-    /// Mean correlation of its residuals with those of the tile's pixels before it that reach the
-    /// bound; NaN for the first.
+    /// Mean correlation of its residuals with those of the pixels before it in its piece of [`TILE`]
+    /// pixels that reach the bound; NaN for the first.
     pub(super) alike: f32,
 }
 

@@ -102,8 +102,10 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             );
             return Err(Error::geometry("tile", problem));
         };
+        // What is learned compares a pixel with those before it in its piece.
+        let piece = if self.learning { TILE } else { self.run.piece(pixels.len(), TILE) };
         let found = self.run.map(
-            pixels.chunks(self.run.piece(pixels.len(), TILE)).collect(),
+            pixels.chunks(piece).collect(),
             || LobeScratch::new(self.stack),
             |scratch, pixels| {
                 let (fitted, by_count) = self.fit_pixels(scratch, pixels);
@@ -317,7 +319,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                     found: &mut tile.estimates,
                     pixels: &pixels,
                     lobes,
-                    usable: &tile.usable,
                     double,
                     options,
                     level: self.run.level,
