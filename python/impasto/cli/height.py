@@ -62,7 +62,7 @@ def height(
         length_mm(pitch, "pitch_mm")
     part = shown(result, None, None, 1)
     plane = panel(stages, part.panel, wanted=level)
-    with stages.stage("height", whole=True) as stage:
+    with stages.stage("height") as stage:
         out.parent.mkdir(parents=True, exist_ok=True)
         if part.in_parts:
             part.surface.height(
