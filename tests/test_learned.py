@@ -60,12 +60,12 @@ def test_tiles_of_a_saved_model_are_those_of_the_whole(
     for place in TILES:
         assert_part(learned.apply(photographs, *place), whole, place)
     # A part that was cut, or read, by itself: it must hold the halo, and knows where it lies.
-    rows, columns = slice(5, 30), slice(8, 47)
+    rows, columns = slice(1, 37), slice(3, 50)
     part = photographs[rows, columns]
     halo = learned.halo
-    inner = slice(halo, 25 - halo), slice(halo, 39 - halo)
+    inner = slice(halo, 36 - halo), slice(halo, 47 - halo)
     assert_part(
-        learned.apply(part, *inner), whole, np.s_[5 + halo : 30 - halo, 8 + halo : 47 - halo]
+        learned.apply(part, *inner), whole, np.s_[1 + halo : 37 - halo, 3 + halo : 50 - halo]
     )
 
 

@@ -17,9 +17,11 @@ from killed_jobs import stack as waves
 
 SIZE = (31, 47)
 """No multiple of a lane: the last lanes are filled with copies."""
-APART = 9
-"""Rows and columns between spoiled pixels: where a fit looks at those around a pixel (its halo),
-pixels between are left that do not see one."""
+APART, FIRST = 9, 7
+"""Rows and columns between spoiled pixels, and the first of them."""
+SEEDS = (16, 4)
+"""Rows and columns of pixels from which those between them start, those of the finer grid from
+those of the coarser one. Of the spoiled pixels one is of the coarser grid: row and column 16."""
 TINY, HUGE = np.float32(1e-42), np.finfo(np.float32).max
 SPOILED: dict[str, Any] = {
     "nothing": np.nan,
@@ -57,10 +59,14 @@ def spoiled(halo: int) -> tuple[impasto.Stack, np.ndarray, np.ndarray]:
     touched, near = np.zeros(SIZE, bool), np.zeros(SIZE, bool)
     across = SIZE[1] // APART
     for number, kind in enumerate(SPOILED):
-        row, column = (APART * at + 3 for at in divmod(number, across))
+        row, column = (APART * at + FIRST for at in divmod(number, across))
         samples[:, :, row, column] = SPOILED[kind]
         touched[row, column] = True
-        near[row - halo : row + halo + 1, column - halo : column + halo + 1] = True
+        steps = [step for step in SEEDS if row % step == column % step == 0] if halo else []
+        far = max(steps, default=1) - 1
+        assert far <= halo
+        rows, columns = (slice(max(at - far, 0), at + far + 1) for at in (row, column))
+        near[rows, columns] = True
     assert touched.sum() == len(SPOILED)
     return impasto.Stack(samples, lights=clean().rig, saturation=5.0), touched, ~near
 

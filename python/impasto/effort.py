@@ -11,7 +11,7 @@ from impasto._internal.checks import suggestion
 from impasto.errors import ArgumentError
 
 Preset = Literal["draft", "standard", "reference"]
-Origin = Literal["multistart", "neighbours"]
+Origin = Literal["multistart", "neighbours", "neighbours-only"]
 Precision = Literal["single", "polished", "double"]
 
 
@@ -47,12 +47,14 @@ class Effort:
         then counts as converged where its last step was shorter than half a standard deviation.
     start
         Where the searches for a pixel's lobes start (``pooling="pixel"``). ``"multistart"``: from
-        several fixed widths, one search each; the best is kept. ``"neighbours"``: only every fourth
-        pixel of every fourth row uses multistart. The others start from the best fit of these
-        pixels around them, and use multistart only where their own fit is much worse. The choice
-        of rows and columns depends on the position of a picture in the painting, so the fit of a
-        part may find other lobes than the fit of the whole. Pictures with fewer than 20 such pixels
-        use multistart everywhere.
+        several fixed widths, one search each; the best is kept. ``"neighbours"``: only every 16th
+        pixel of every 16th row uses multistart. From the best of these around them start every
+        fourth pixel of every fourth row, and from these all others; a pixel uses multistart only
+        where its own fit is much worse than theirs. If less than 5 % of these have a second lobe,
+        as many as by chance, other pixels have one only beside one of these that does.
+        ``"neighbours-only"``: they do so in any case. The choice of rows and columns depends on the
+        position of a picture in the painting, so the fit of a part may find other lobes than the
+        fit of the whole. Pictures with fewer than 20 such pixels use multistart everywhere.
     precision
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
         ``"single"`` ends where the next step would be shorter than a tenth of a standard deviation.

@@ -197,7 +197,11 @@ impl LobeArguments {
         let start = match self.start.as_str() {
             "multistart" => Origin::Multistart,
             "neighbours" => Origin::Neighbours,
-            other => return Err(refuse("start", "\"multistart\" or \"neighbours\"", other)),
+            "neighbours-only" => Origin::NeighboursOnly,
+            other => {
+                let names = "\"multistart\", \"neighbours\" or \"neighbours-only\"";
+                return Err(refuse("start", names, other));
+            }
         };
         let precision = match self.precision.as_str() {
             "single" => Precision::Single,
@@ -265,6 +269,7 @@ impl<'py> Learned<'py> {
         let start = match learned.options.start {
             Origin::Multistart => "multistart",
             Origin::Neighbours => "neighbours",
+            Origin::NeighboursOnly => "neighbours-only",
         };
         let prior = learned.prior().map(|prior| PriorArrays::of(py, prior)).transpose()?;
         Ok(Self { start, bounded: learned.options.bounded, pixels: learned.pixels, prior })

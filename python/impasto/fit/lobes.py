@@ -248,7 +248,7 @@ class LearnedLobes:
         Pixels that its middle lies right of and above the middle of a larger one, if the model is
         that of a part (``rig.origin``).
     pixels
-        How many pixels were fitted to learn this: those of the coarse grid, or, with
+        How many pixels were fitted to learn this: those of the finer grid, or, with
         ``start="multistart"``, up to ``TYPICAL_PIXELS`` spread over the sample.
     prior
         None with ``typical=False``.

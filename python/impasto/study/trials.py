@@ -147,7 +147,7 @@ def _predicted(
         return fitted, took * pixels / few
     if options.get("pooling") == "pixel":
         fitted, took = _timed(known, options, threads)
-        if resolved(options.get("effort", "standard")).start == "neighbours":
+        if resolved(options.get("effort", "standard")).start != "multistart":
             return fitted, took * pixels / few
         return fitted, took * _searches(pixels) / _searches(few)
     # The pooled lobe is fitted to at most ``effort.pixels`` pixels, every pixel has a cost of its

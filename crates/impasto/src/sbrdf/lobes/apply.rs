@@ -11,7 +11,7 @@ use super::maps::LobeMapsMut;
 use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
 use super::photographs::Photographs;
-use super::seeds::SeedGrid;
+use super::seeds::{COARSE, FINE, SeedGrid};
 use super::tile::TILE;
 use super::tile_fit::{LobeFit, LobeScratch};
 
@@ -67,7 +67,9 @@ pub fn apply_lobes<M: LobeEstimation>(
     let fit = LobeFit::new(stack, rig, start, &photographs, &learned.options, run)?;
     fit.check(tile, &out)?;
     let seeds = match learned.options.start {
-        Origin::Neighbours => Some(fit.seeds(SeedGrid::around(tile))?.0),
+        Origin::Neighbours | Origin::NeighboursOnly => {
+            Some(fit.seeds([COARSE, FINE].map(|step| SeedGrid::around(tile, step)))?)
+        }
         Origin::Multistart => None,
     };
     let fit = LobeFit { prior: learned.prior.as_ref(), ..fit };
@@ -94,7 +96,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
                     .filter_map(|pixel| self.rig.grid().pixel(tile.place(pixel)))
                     .collect();
                 out.reset(pixels.iter().map(|&pixel| self.start.status[pixel]));
-                let (fitted, _) = self.fit_pixels(scratch, &pixels);
+                let fitted = self.fit_pixels(scratch, &pixels);
                 self.predict_errors(scratch);
                 self.write(scratch, &fitted, &mut out);
             },

@@ -11,7 +11,7 @@ use crate::pixels::Run;
 use super::brightest::brightest;
 use super::maps::MOST_LOBES;
 use super::model::LobeEstimation;
-use super::options::{LobeOptions, Precision};
+use super::options::{LobeOptions, Origin, Precision};
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::score::Score;
@@ -25,7 +25,11 @@ pub(super) enum Starts<'a> {
     /// One search from every starting shape of the model; the best end is kept.
     Multistart,
     /// The seeds around each pixel: one search, from the start with the least sum of squares.
-    Neighbours(&'a [Vec<&'a Seed>]),
+    Neighbours {
+        around: &'a [Vec<&'a Seed>],
+        /// How many lobes each pixel may have.
+        most: &'a [usize],
+    },
 }
 
 /// Adds lobes to the pixels of a tile, one at a time.
@@ -54,7 +58,12 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 .iter()
                 .copied()
                 .filter(|&pixel| {
-                    self.supports(tile, pixel, lobes) && found[pixel].lobes + 1 == lobes
+                    self.supports(tile, pixel, lobes)
+                        && found[pixel].lobes + 1 == lobes
+                        && match origin {
+                            Starts::Multistart => true,
+                            Starts::Neighbours { most, .. } => lobes <= most[pixel],
+                        }
                 })
                 .collect();
             let before: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
@@ -96,10 +105,15 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         let first = tile.estimates.clone();
         let around: Vec<_> =
             tile.pixels.iter().map(|&pixel| seeds.around(grid.place(pixel))).collect();
+        let most: Vec<usize> = if seeds.are_coarse() {
+            vec![self.options.lobes; around.len()]
+        } else {
+            around.iter().map(|seeds| self.most_lobes(seeds)).collect()
+        };
         let seeded = fitted.iter().copied().filter(|&pixel| !around[pixel].is_empty());
         // Pixels without a seed around them keep their infinite cost.
-        let mut found =
-            self.select(tile, &seeded.collect::<Vec<_>>(), &Starts::Neighbours(&around));
+        let origin = Starts::Neighbours { around: &around, most: &most };
+        let mut found = self.select(tile, &seeded.collect::<Vec<_>>(), &origin);
         let poor: Vec<usize> = fitted
             .iter()
             .copied()
@@ -121,6 +135,20 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             }
         }
         found
+    }
+
+    /// How many lobes a pixel may have that is no seed: as many as one of the seeds around it has,
+    /// or as there are priors for. If fewer pixels have them, it is by chance.
+    fn most_lobes(&self, around: &[&Seed]) -> usize {
+        let beside = around.iter().map(|seed| seed.by_count.lobes).max().unwrap_or(0);
+        let usual = match (self.options.start, self.prior) {
+            (Origin::NeighboursOnly, _) => 1,
+            (_, None) => self.options.lobes,
+            (_, Some(prior)) => {
+                (2..=self.options.lobes).rev().find(|&lobes| prior.covers(lobes)).unwrap_or(1)
+            }
+        };
+        beside.max(usual)
     }
 
     /// Factor by which the sums of squares of two pixels may differ by chance: the quotient of two
@@ -150,7 +178,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                     Starts::Multistart => {
                         self.model_start(tile, pixel, &before[pixel], lobes, number)
                     }
-                    Starts::Neighbours(around) => {
+                    Starts::Neighbours { around, .. } => {
                         let own = (&first[pixel], &before[pixel]);
                         self.seed_start(tile, pixel, own, &around[pixel], lobes, number)
                     }
@@ -166,10 +194,10 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             }
             match origin {
                 Starts::Multistart => self.search(tile, &starts, &pixels, lobes),
-                Starts::Neighbours(_) => self.score(tile, &starts, &pixels, lobes),
+                Starts::Neighbours { .. } => self.score(tile, &starts, &pixels, lobes),
             }
         }
-        if let Starts::Neighbours(_) = origin {
+        if let Starts::Neighbours { .. } = origin {
             let starts = tile.estimates.clone();
             reset_costs(tile);
             let scored = able.iter().copied().filter(|&pixel| starts[pixel].cost.is_finite());

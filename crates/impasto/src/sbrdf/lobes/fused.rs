@@ -6,6 +6,8 @@
 //! the cost keeps weights and equations, and tries a shorter one: every pixel takes the same number of
 //! passes, without branches.
 
+use core::ops::Range;
+
 use crate::lm::{Normal, factor};
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Mask, Real, Vec3};
@@ -19,7 +21,7 @@ use super::normal_equations::{
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::search::Freedom;
-use super::tile::{Estimate, TileSamples, gather};
+use super::tile::{Estimate, TileSamples, gather, runs_by_lobes};
 use super::weights::Shown;
 
 /// Share of its diagonal that is added to the matrix of a step.
@@ -64,10 +66,8 @@ pub(super) struct FusedRounds<'a, M: LobeEstimation> {
 
 impl<M: LobeEstimation> FusedRounds<'_, M> {
     pub(super) fn run(mut self) {
-        for at in (0..self.estimates.len()).step_by(MAX_LANES) {
-            let end = self.estimates.len().min(at + MAX_LANES);
-            let lobes = self.estimates[at..end].iter().map(|estimate| estimate.lobes).max();
-            M::dispatch(lobes.unwrap_or(0), Group { rounds: &mut self, at });
+        for (lobes, range) in runs_by_lobes(self.estimates) {
+            M::dispatch(lobes, Part { rounds: &mut self, range });
         }
     }
 
@@ -82,39 +82,38 @@ impl<M: LobeEstimation> FusedRounds<'_, M> {
     }
 }
 
-/// As many pixels as the widest registers have lanes, on every processor the same.
-struct Group<'a, 'b, M: LobeEstimation> {
+/// The rounds of some of the pixels, with at most so many lobes.
+struct Part<'a, 'b, M: LobeEstimation> {
     rounds: &'a mut FusedRounds<'b, M>,
-    at: usize,
+    range: Range<usize>,
 }
 
-impl<M: LobeEstimation> Visit for Group<'_, '_, M> {
+impl<M: LobeEstimation> Visit for Part<'_, '_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
         let level = self.rounds.level;
-        level.run(GroupPass::<M, J, K, N>(self));
+        level.run(FusedPass::<M, J, K, N>(self));
     }
 }
 
-struct GroupPass<'a, 'b, M: LobeEstimation, const J: usize, const K: usize, const N: usize>(
-    Group<'a, 'b, M>,
+struct FusedPass<'a, 'b, M: LobeEstimation, const J: usize, const K: usize, const N: usize>(
+    Part<'a, 'b, M>,
 );
 
 impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
-    for GroupPass<'_, '_, M, J, K, N>
+    for FusedPass<'_, '_, M, J, K, N>
 {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Group { rounds, at } = self.0;
-        let end = rounds.estimates.len().min(at + MAX_LANES);
+        let Part { rounds, range } = self.0;
         let size = record(J, M::SHAPES) * rounds.photographs.len() * I::F32::WIDTH;
         let planes = rounds.samples.planes();
         let mut memory =
             Memory { numbers: vec![0.0; size], shown: Shown::new(planes), bounded: Vec::new() };
-        for at in (at..end).step_by(I::F32::WIDTH) {
+        for at in range.step_by(I::F32::WIDTH) {
             Pass::<'_, '_, '_, I::F32, M, J, K, N>::new(rounds, &mut memory, at).run();
         }
     }

@@ -21,6 +21,8 @@
 //! painting, which the view is near: residuals of lobes and of reflected light are mostly symmetric about it, and so are lights. The
 //! deviation is multiplied by `1 + kappa sin(t) coherence`.
 
+use core::ops::Range;
+
 use crate::lm;
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Mask, Real, Vec3};
@@ -32,7 +34,7 @@ use super::bounds::light_of;
 use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
 use super::reweight::{COLUMNS, Solution};
-use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes};
+use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes, runs_by_lobes};
 
 /// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
 const SMOOTH: f64 = 4.0;
@@ -61,45 +63,53 @@ pub(super) struct Jackknife<'a, M: LobeEstimation> {
     pub(super) estimates: &'a mut [Estimate],
     pub(super) samples: &'a TileSamples,
     pub(super) solution: &'a Solution,
-    pub(super) lobes: usize,
     pub(super) level: Level,
 }
 
 impl<M: LobeEstimation> Jackknife<'_, M> {
-    pub(super) fn run(self) {
-        M::dispatch(self.lobes, self);
+    pub(super) fn run(mut self) {
+        for (lobes, range) in runs_by_lobes(self.estimates) {
+            M::dispatch(lobes, Part { jackknife: &mut self, range });
+        }
     }
 }
 
-impl<M: LobeEstimation> Visit for Jackknife<'_, M> {
+/// Some of the pixels, with at most so many lobes.
+struct Part<'a, 'b, M: LobeEstimation> {
+    jackknife: &'a mut Jackknife<'b, M>,
+    range: Range<usize>,
+}
+
+impl<M: LobeEstimation> Visit for Part<'_, '_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
-        let level = self.level;
+        let level = self.jackknife.level;
         level.run(JackknifePass::<M, J, K, N>(self));
     }
 }
 
-struct JackknifePass<'a, M: LobeEstimation, const J: usize, const K: usize, const N: usize>(
-    Jackknife<'a, M>,
+struct JackknifePass<'a, 'b, M: LobeEstimation, const J: usize, const K: usize, const N: usize>(
+    Part<'a, 'b, M>,
 );
 
 impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
-    for JackknifePass<'_, M, J, K, N>
+    for JackknifePass<'_, '_, M, J, K, N>
 {
     type Output = ();
 
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn run<I: Isa>(self) {
-        let Jackknife { photographs, x, y, estimates, samples, solution, .. } = self.0;
+        let Part { jackknife, range } = self.0;
+        let Jackknife { photographs, x, y, samples, solution, .. } = *jackknife;
+        let estimates = &mut *jackknife.estimates;
         let zero = I::F32::zero();
         let lights = &photographs.neighbours;
         let mut equations = Equations::<I::F32, K, N>::new(samples.bands);
         let mut coherence = Coherence::new(photographs.len(), samples.bands);
         let mut colours = vec![[zero; K]; samples.bands];
-        let mut at = 0;
-        while at < estimates.len() {
+        for at in range.step_by(I::F32::WIDTH) {
             equations.clear();
             coherence.clear();
             for band in 0..samples.bands {
@@ -159,7 +169,6 @@ impl<M: LobeEstimation, const J: usize, const K: usize, const N: usize> Kernel
                 let known = if own.is_finite() { both } else { own };
                 estimate.normal_deviation = known * factor[lane];
             }
-            at += I::F32::WIDTH;
         }
     }
 }

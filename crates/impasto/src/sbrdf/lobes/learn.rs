@@ -10,7 +10,7 @@ use super::model::LobeEstimation;
 use super::options::{LobeOptions, Origin};
 use super::photographs::Photographs;
 use super::prior::{FEWEST, Prior, PriorNumbers};
-use super::seeds::{SeedGrid, Seeds};
+use super::seeds::{COARSE, FINE, SeedGrid, Seeds};
 use super::tile::{Estimate, TILE, Unbounded};
 use super::tile_fit::{LobeFit, LobeScratch};
 
@@ -133,9 +133,9 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
 
     /// The same with lobes bounded as the options say, and the estimates of the sample.
     fn learn_bounded(&self) -> Result<(LearnedLobes, Option<Seeds>, Vec<Estimate>)> {
-        let grid = SeedGrid::inside(self.rig.grid());
+        let grids = [COARSE, FINE].map(|step| SeedGrid::inside(self.rig.grid(), step));
         let seeds = match self.options.start {
-            Origin::Neighbours => Some(self.seeds(grid)?),
+            Origin::Neighbours | Origin::NeighboursOnly => Some(self.fitted_seeds(grids)?),
             Origin::Multistart => None,
         };
         // The seeds also give the prior; with too few seeds for one, multistart is used.
@@ -145,7 +145,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
             _ if self.options.typical || self.learning => (None, self.sampled()?),
             _ => (None, Vec::new()),
         };
-        let start = if seeds.is_some() { Origin::Neighbours } else { Origin::Multistart };
+        let start = if seeds.is_some() { self.options.start } else { Origin::Multistart };
         let prior =
             self.options.typical.then(|| Prior::of_estimates(&self.photographs.model, &estimates));
         let options = LobeOptions { start, ..*self.options };
@@ -162,7 +162,7 @@ impl<M: LobeEstimation> LobeFit<'_, M> {
             || LobeScratch::new(self.stack),
             |scratch, start| {
                 let tile: Vec<usize> = (start..pixels.min(start + TILE)).collect();
-                let (fitted, _) = self.fit_pixels(scratch, &tile);
+                let fitted = self.fit_pixels(scratch, &tile);
                 fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]).collect::<Vec<_>>()
             },
         )?;

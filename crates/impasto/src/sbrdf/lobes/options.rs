@@ -39,8 +39,10 @@ pub struct LobeOptions {
 pub enum Origin {
     /// From all starting shapes of the model; the best end is kept.
     Multistart,
-    /// From the fits of neighbouring pixels on a coarse grid, which use multistart.
+    /// From the fits of neighbouring pixels on a grid, its [seeds](super::seeds).
     Neighbours,
+    /// The same; pixels have at most as many lobes as a seed beside them, and one.
+    NeighboursOnly,
 }
 
 /// Precision of the searches for shapes and normals. Weights, and the colours once the shapes are

@@ -3,6 +3,8 @@
 //! With shapes and normals fixed, the colours of every band follow by non-negative least squares
 //! [@lawson1974nnls]; the residuals then give every sample its new weight.
 
+use core::ops::Range;
+
 use crate::math::elementary::{exp, ln};
 use crate::math::lanes::Isa;
 use crate::math::{Kernel, Level, Real, Vec3};
@@ -12,7 +14,7 @@ use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
 use super::photographs::Photographs;
-use super::tile::{Estimate, ROUNDING, TILE, TileSamples, gather, gather_lobes};
+use super::tile::{Estimate, ROUNDING, TILE, TileSamples, gather, gather_lobes, runs_by_lobes};
 use super::weights::Shown;
 use crate::lm::nnls::Sums;
 
@@ -54,35 +56,43 @@ pub(super) struct Reweight<'a, M: LobeEstimation> {
     pub(super) renew: bool,
     pub(super) samples: &'a mut TileSamples,
     pub(super) solution: &'a mut Solution,
-    pub(super) lobes: usize,
     pub(super) level: Level,
 }
 
 impl<M: LobeEstimation> Reweight<'_, M> {
-    pub(super) fn run(self) {
-        M::dispatch(self.lobes, self);
+    pub(super) fn run(mut self) {
+        for (lobes, range) in runs_by_lobes(self.estimates) {
+            M::dispatch(lobes, Part { step: &mut self, range });
+        }
     }
 }
 
-impl<M: LobeEstimation> Visit for Reweight<'_, M> {
+/// The step for some of the pixels, with at most so many lobes.
+struct Part<'a, 'b, M: LobeEstimation> {
+    step: &'a mut Reweight<'b, M>,
+    range: Range<usize>,
+}
+
+impl<M: LobeEstimation> Visit for Part<'_, '_, M> {
     type Output = ();
 
     fn visit<const J: usize, const K: usize, const N: usize>(self) {
-        let level = self.level;
+        let level = self.step.level;
         level.run(ReweightPass::<M, J, K>(self));
     }
 }
 
-struct ReweightPass<'a, M: LobeEstimation, const J: usize, const K: usize>(Reweight<'a, M>);
+struct ReweightPass<'a, 'b, M: LobeEstimation, const J: usize, const K: usize>(Part<'a, 'b, M>);
 
-impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<'_, M, J, K> {
+impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<'_, '_, M, J, K> {
     type Output = ();
 
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
     fn run<I: Isa>(self) {
-        let Reweight { photographs, x, y, estimates, ambient, renew, samples, solution, .. } =
-            self.0;
+        let Part { step, range } = self.0;
+        let Reweight { photographs, x, y, estimates, ambient, renew, .. } = *step;
+        let (samples, solution) = (&mut *step.samples, &mut *step.solution);
         let (zero, one) = (I::F32::zero(), I::F32::one());
         let everywhere = zero.lt(one);
         let bands = samples.bands;
@@ -93,8 +103,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
         let mut colours = vec![[zero; K]; bands];
         let mut trial = vec![[zero; K]; bands];
         let mut bounded = Vec::new();
-        let mut at = 0;
-        while at < estimates.len() {
+        for at in range.step_by(I::F32::WIDTH) {
             let normal = Vec3::new(
                 gather(estimates, at, |p| p.normal[0]),
                 gather(estimates, at, |p| p.normal[1]),
@@ -164,7 +173,6 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
                 shown.variance(&left)
             };
             variance.store(&mut solution.variance[at..]);
-            at += I::F32::WIDTH;
         }
     }
 }

@@ -1,21 +1,24 @@
-//! Seeds: pixels on a coarse grid that are fitted by multistart, and from which the pixels between
-//! them start.
+//! Seeds: pixels on a grid from which the pixels between them start.
 //!
-//! The grid is that of the whole painting, so that no tile changes which pixels are seeds. A pixel
-//! that fits much worse than the seeds around it (a fleck of gold between them) is fitted by
-//! multistart, too.
+//! The seeds of a coarse grid are fitted by multistart, those of a fine grid start from these, all
+//! other pixels from the fine grid. Both grids are those of the whole painting, so that no tile
+//! changes which pixels are seeds. A pixel that fits much worse than the seeds around it (a fleck of
+//! gold between them) is fitted by multistart, too.
 
 use crate::geometry::Grid;
 
 use super::tile::ByLobeCount;
 
-/// Distance between seeds in rows and columns: with a sixteenth of the pixels as seeds, their
-/// multistart no longer dominates the time of the fit.
-const STEP: usize = 4;
+/// Distance between seeds in rows and columns: a sixteenth of the pixels are seeds.
+pub(super) const FINE: usize = 4;
+
+/// The same between those that multistart fits. It takes eight times as long as a start from
+/// neighbours; for one pixel in 256 that hardly counts. Multiple of [`FINE`].
+pub(super) const COARSE: usize = 16;
 
 /// Pixels around a tile whose samples its fit needs, as far as the painting reaches: with them the
 /// seeds at the corners of every cell lie in the tile's stack.
-pub const HALO: usize = STEP - 1;
+pub const HALO: usize = COARSE - 1;
 
 /// The fit of one pixel of the grid.
 #[derive(Clone, Copy, Debug)]
@@ -40,9 +43,11 @@ impl Seed {
     }
 }
 
-/// Which pixels are seeds: some rows and columns of the painting's coarse grid.
+/// Which pixels are seeds: some rows and columns of a grid of the painting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SeedGrid {
+    /// Pixels from one row or column to the next.
+    step: usize,
     /// First column and row, in steps.
     first: [usize; 2],
     /// Columns and rows.
@@ -51,32 +56,33 @@ pub(super) struct SeedGrid {
 
 impl SeedGrid {
     /// The seeds that lie in a tile.
-    pub(super) fn inside(tile: Grid) -> Self {
-        let first = tile.origin.map(|start| start.div_ceil(STEP));
+    pub(super) fn inside(tile: Grid, step: usize) -> Self {
+        let first = tile.origin.map(|start| start.div_ceil(step));
         let ends = [tile.origin[0] + tile.width, tile.origin[1] + tile.height];
         Self {
+            step,
             first,
-            size: [0, 1].map(|axis| ends[axis].div_ceil(STEP).saturating_sub(first[axis])),
+            size: [0, 1].map(|axis| ends[axis].div_ceil(step).saturating_sub(first[axis])),
         }
     }
 
     /// The seeds around all pixels of a tile: at the corners of the cells that these lie in, as far
     /// as the painting reaches.
-    pub(super) fn around(tile: Grid) -> Self {
-        let first = tile.origin.map(|start| start / STEP);
+    pub(super) fn around(tile: Grid, step: usize) -> Self {
+        let first = tile.origin.map(|start| start / step);
         let lasts = [tile.origin[0] + tile.width - 1, tile.origin[1] + tile.height - 1];
         let size = [0, 1].map(|axis| {
-            let last = lasts[axis].div_ceil(STEP).min((tile.extent[axis] - 1) / STEP);
+            let last = lasts[axis].div_ceil(step).min((tile.extent[axis] - 1) / step);
             last + 1 - first[axis]
         });
-        Self { first, size }
+        Self { step, first, size }
     }
 
     /// Columns and rows of the seeds in the whole painting, row by row.
     pub(super) fn places(self) -> impl Iterator<Item = [usize; 2]> {
-        let Self { first: [column, row], size: [columns, rows] } = self;
+        let Self { step, first: [column, row], size: [columns, rows] } = self;
         (row..row + rows)
-            .flat_map(move |y| (column..column + columns).map(move |x| [x * STEP, y * STEP]))
+            .flat_map(move |y| (column..column + columns).map(move |x| [x * step, y * step]))
     }
 }
 
@@ -93,16 +99,22 @@ impl Seeds {
         Self { grid, fits }
     }
 
+    /// Whether other seeds start from these, not all pixels.
+    pub(super) fn are_coarse(&self) -> bool {
+        self.grid.step == COARSE
+    }
+
     /// The seeds at the corners of the cell that a column and row of the painting lies in, nearest
     /// first.
     pub(super) fn around(&self, [column, row]: [usize; 2]) -> Vec<&Seed> {
-        let rows = row / STEP..=row.div_ceil(STEP);
+        let step = self.grid.step;
+        let rows = row / step..=row.div_ceil(step);
         let corners =
-            rows.flat_map(|y| (column / STEP..=column.div_ceil(STEP)).map(move |x| [x, y]));
+            rows.flat_map(|y| (column / step..=column.div_ceil(step)).map(move |x| [x, y]));
         let mut near: Vec<(usize, &Seed)> = corners
             .filter_map(|corner| {
                 let [x, y] = corner;
-                let away = (x * STEP).abs_diff(column).pow(2) + (y * STEP).abs_diff(row).pow(2);
+                let away = (x * step).abs_diff(column).pow(2) + (y * step).abs_diff(row).pow(2);
                 Some((away, self.at(corner)?))
             })
             .collect();
@@ -110,9 +122,9 @@ impl Seeds {
         near.into_iter().map(|(_, seed)| seed).collect()
     }
 
-    /// The seed at a column and row of the coarse grid.
+    /// The seed at a column and row of the grid.
     fn at(&self, [x, y]: [usize; 2]) -> Option<&Seed> {
-        let SeedGrid { first, size } = self.grid;
+        let SeedGrid { first, size, .. } = self.grid;
         let (x, y) = (x.checked_sub(first[0])?, y.checked_sub(first[1])?);
         if x < size[0] { self.fits.get(y * size[0] + x)?.as_ref() } else { None }
     }
@@ -134,7 +146,7 @@ mod tests {
     fn a_pixel_has_the_seeds_at_its_cells_corners() {
         // Seeds 0 1 2 in row 0, 3 4 5 in row 4; 4 cannot be fitted.
         let fits = (0..6).map(|i| (i != 4).then(|| seed(i as f32))).collect();
-        let grid = SeedGrid::inside(Grid::whole(10, 6, 1.0));
+        let grid = SeedGrid::inside(Grid::whole(10, 6, 1.0), FINE);
         assert_eq!(
             grid.places().collect::<Vec<_>>(),
             [[0, 0], [4, 0], [8, 0], [0, 4], [4, 4], [8, 4]]
@@ -152,31 +164,43 @@ mod tests {
 
     #[test]
     fn a_tile_has_the_seeds_that_its_pixels_have_in_the_whole() {
-        let whole = Grid::whole(23, 18, 1.0);
-        assert_eq!(SeedGrid::around(whole), SeedGrid::inside(whole));
+        let whole = Grid::whole(53, 38, 1.0);
+        for step in [FINE, COARSE] {
+            assert_eq!(SeedGrid::around(whole, step), SeedGrid::inside(whole, step));
+        }
         let mark = |[column, row]: [usize; 2]| (100 * row + column) as f32;
         let marked = |grid: SeedGrid| {
             Seeds::new(grid, grid.places().map(|place| Some(seed(mark(place)))).collect())
         };
-        let all = marked(SeedGrid::inside(whole));
-        for ([column, row], width, height) in
-            [([0, 0], 5, 5), ([3, 7], 9, 2), ([4, 8], 1, 1), ([21, 5], 2, 13), ([1, 17], 20, 1)]
+        let tiles =
+            [([0, 0], 5, 5), ([3, 7], 9, 2), ([4, 8], 1, 1), ([51, 5], 2, 33), ([1, 37], 20, 1)];
+        for (step, ([column, row], width, height)) in
+            [FINE, COARSE].into_iter().flat_map(|step| tiles.map(|tile| (step, tile)))
         {
+            let all = marked(SeedGrid::inside(whole, step));
             let tile = whole.tile([column, row], width, height).unwrap();
-            let some = marked(SeedGrid::around(tile));
+            let some = marked(SeedGrid::around(tile, step));
             // All of them lie in the tile and its halo.
             let from = [column, row].map(|start| start.saturating_sub(HALO));
             let reach = |axis: usize, end: usize| whole.extent[axis].min(end + HALO) - from[axis];
             let wide = whole.tile(from, reach(0, column + width), reach(1, row + height)).unwrap();
-            assert!(SeedGrid::around(tile).places().all(|place| wide.pixel(place).is_some()));
+            assert!(SeedGrid::around(tile, step).places().all(|place| wide.pixel(place).is_some()));
             for pixel in 0..width * height {
                 let marks = |seeds: &Seeds| -> Vec<f32> {
                     seeds.around(tile.place(pixel)).iter().map(|seed| seed.misfit).collect()
                 };
                 assert_eq!(marks(&some), marks(&all), "{pixel} of {tile:?}");
             }
+            // Those of the fine grid lie in cells whose corners are all there.
+            let fine = SeedGrid::around(tile, FINE).places();
+            for place in fine {
+                let marks = |seeds: &Seeds| -> Vec<f32> {
+                    seeds.around(place).iter().map(|seed| seed.misfit).collect()
+                };
+                assert_eq!(marks(&some), marks(&all), "{place:?} of {tile:?}");
+            }
         }
-        assert_eq!(SeedGrid::inside(whole.tile([5, 1], 3, 9).unwrap()).places().count(), 0);
+        assert_eq!(SeedGrid::inside(whole.tile([5, 1], 3, 9).unwrap(), FINE).places().count(), 0);
     }
 
     #[test]

@@ -282,7 +282,7 @@ fn a_tile_without_what_is_around_it_is_refused() {
         Err(error) => error.to_string(),
         Ok(_) => String::new(),
     };
-    assert!(refused(&scene.cut(tile), tile).contains("3 pixels farther"));
+    assert!(refused(&scene.cut(tile), tile).contains(&format!("{HALO} pixels farther")));
     // The stack lacks pixels of the tile itself.
     let elsewhere = scene.grid.tile([7, 9], 20, 8).unwrap();
     assert!(refused(&scene.cut(elsewhere), tile).contains("reach beyond"));

@@ -1,5 +1,7 @@
 //! A tile's samples and weights, and the estimates of its pixels.
 
+use core::ops::Range;
+
 use crate::geometry::Rig;
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::{Kernel, Level, Mask, Real, Vec3};
@@ -48,6 +50,27 @@ pub(super) fn gather_lobes<R: Real<Scalar = f32>, M: LobeEstimation, const J: us
         lobes[j] = model.lobe_from_unknowns(shape);
     }
     lobes
+}
+
+/// Runs of whole registers of estimates, each with the most lobes that one of its registers has.
+///
+/// A register is as wide as the widest, so that runs are the same on every processor. Pixels with
+/// fewer lobes have columns of zeros, which change no bit of their results.
+pub(super) fn runs_by_lobes(
+    estimates: &[Estimate],
+) -> impl Iterator<Item = (usize, Range<usize>)> + use<> {
+    let most: Vec<usize> = estimates
+        .chunks(MAX_LANES)
+        .map(|register| register.iter().map(|estimate| estimate.lobes).max().unwrap_or(0))
+        .collect();
+    let count = estimates.len();
+    let mut first = 0;
+    core::iter::from_fn(move || {
+        let &lobes = most.get(first)?;
+        let start = first;
+        first += most[start..].iter().take_while(|&&other| other == lobes).count();
+        Some((lobes, start * MAX_LANES..count.min(first * MAX_LANES)))
+    })
 }
 
 /// The present estimate of one pixel.

@@ -92,8 +92,36 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         })
     }
 
-    /// Fits the seeds of a grid; also returns their estimates.
-    pub(super) fn seeds(&self, grid: SeedGrid) -> Result<(Seeds, Vec<Estimate>)> {
+    /// Selects the lobes of the seeds of a fine grid, starting from those of a coarse one.
+    pub(super) fn seeds(&self, grids: [SeedGrid; 2]) -> Result<Seeds> {
+        self.seeds_then(grids, |_, _, _| ()).map(|(seeds, _)| seeds)
+    }
+
+    /// The same; also fits these seeds and returns their estimates.
+    pub(super) fn fitted_seeds(&self, grids: [SeedGrid; 2]) -> Result<(Seeds, Vec<Estimate>)> {
+        let (seeds, estimates) = self.seeds_then(grids, |fit, scratch, fitted| {
+            fit.fit_all_bands(scratch, fitted);
+            fitted.iter().map(|&pixel| scratch.tile.estimates[pixel]).collect::<Vec<_>>()
+        })?;
+        Ok((seeds, self.run.joined(estimates)?))
+    }
+
+    /// Selects the lobes of seeds; `then` goes on with pieces of those of the fine grid.
+    fn seeds_then<T: Send>(
+        &self,
+        [coarse, fine]: [SeedGrid; 2],
+        then: impl Fn(&LobeFit<'_, M>, &mut LobeScratch, &[usize]) -> T + Sync,
+    ) -> Result<(Seeds, Vec<T>)> {
+        let (coarse, _) = self.seeds_of(coarse, |_, _, _| ())?;
+        LobeFit { seeds: Some(&coarse), ..*self }.seeds_of(fine, then)
+    }
+
+    /// The same for the seeds of one grid, from this fit's seeds or by multistart.
+    fn seeds_of<T: Send>(
+        &self,
+        grid: SeedGrid,
+        then: impl Fn(&LobeFit<'_, M>, &mut LobeScratch, &[usize]) -> T + Sync,
+    ) -> Result<(Seeds, Vec<T>)> {
         let pixels: Option<Vec<usize>> =
             grid.places().map(|place| self.rig.grid().pixel(place)).collect();
         let Some(pixels) = pixels else {
@@ -108,7 +136,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             pixels.chunks(piece).collect(),
             || LobeScratch::new(self.stack),
             |scratch, pixels| {
-                let (fitted, by_count) = self.fit_pixels(scratch, pixels);
+                let (fitted, by_count) = self.select_lobes(scratch, pixels);
                 let mut seeds = vec![None; pixels.len()];
                 for &pixel in &fitted {
                     let by_count = by_count[pixel];
@@ -118,21 +146,28 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                         misfit: by_count.chosen().cost / scratch.tile.rounding[pixel],
                     });
                 }
-                let estimates = fitted.into_iter().map(|pixel| scratch.tile.estimates[pixel]);
-                (seeds, estimates.collect::<Vec<_>>())
+                (seeds, then(self, scratch, &fitted))
             },
         )?;
-        let (seeds, estimates): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-        Ok((Seeds::new(grid, self.run.joined(seeds)?), self.run.joined(estimates)?))
+        let (seeds, rest): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        Ok((Seeds::new(grid, self.run.joined(seeds)?), rest))
     }
 
-    /// Fits some pixels; returns those that can be fitted, and the forward selection of all.
-    pub(super) fn fit_pixels(
+    /// Fits some pixels; returns those that can be fitted.
+    pub(super) fn fit_pixels(&self, scratch: &mut LobeScratch, pixels: &[usize]) -> Vec<usize> {
+        let (fitted, _) = self.select_lobes(scratch, pixels);
+        self.fit_all_bands(scratch, &fitted);
+        fitted
+    }
+
+    /// Selects the lobes of some pixels on the mean of the bands; returns those that can be fitted,
+    /// and the forward selection of all.
+    fn select_lobes(
         &self,
         scratch: &mut LobeScratch,
         pixels: &[usize],
     ) -> (Vec<usize>, Vec<ByLobeCount>) {
-        let LobeScratch { tile, solution } = scratch;
+        let tile = &mut scratch.tile;
         tile.read(self.stack, self.rig, pixels, self.start, self.run.level);
         let status = self.start.status;
         let selection = self.selection();
@@ -141,17 +176,29 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 status[pixels[pixel]] < Status::Dark.code() && selection.supports(tile, pixel, 0)
             })
             .collect();
-        let by_count = self.select_lobes(tile, &fitted);
+        let by_count = match self.seeds {
+            Some(seeds) => selection.select_from_seeds(tile, &fitted, seeds, self.rig.grid()),
+            None => selection.select(tile, &fitted, &Starts::Multistart),
+        };
+        for (estimate, by_count) in tile.estimates.iter_mut().zip(&by_count) {
+            *estimate = self.ordered(by_count.chosen());
+        }
+        (fitted, by_count)
+    }
+
+    /// Fits all bands of the pixels whose lobes have been selected.
+    fn fit_all_bands(&self, scratch: &mut LobeScratch, fitted: &[usize]) {
+        let LobeScratch { tile, solution } = scratch;
         if self.options.colour_iterations == 1 && self.options.precision == Precision::Single {
-            self.fused_rounds(tile, solution, &fitted);
+            self.fused_rounds(tile, solution, fitted);
         } else {
-            self.rounds(tile, solution, &fitted);
+            self.rounds(tile, solution, fitted);
         }
         if self.run.cancelled() {
-            return (fitted, by_count);
+            return;
         }
         if self.options.normal && self.options.bounded {
-            self.widen(tile, &fitted, &solution.variance);
+            self.widen(tile, fitted, &solution.variance);
         }
         self.reweight(tile, solution, false);
         for (estimate, &variance) in tile.estimates.iter_mut().zip(&solution.variance) {
@@ -160,7 +207,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             estimate.shape_deviation = estimate.shape_deviation.map(|spread| spread * scale);
             estimate.own_deviation = estimate.own_deviation.map(|spread| spread * scale);
         }
-        (fitted, by_count)
     }
 
     /// Rounds of one step each.
@@ -206,19 +252,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     fn selection(&self) -> ForwardSelection<'_, M> {
         let Self { photographs, options, prior, run, .. } = *self;
         ForwardSelection { photographs, options, prior, run }
-    }
-
-    /// Selects the lobes on the mean of the bands.
-    fn select_lobes(&self, tile: &mut LobeFitTile, fitted: &[usize]) -> Vec<ByLobeCount> {
-        let selection = self.selection();
-        let by_count = match self.seeds {
-            Some(seeds) => selection.select_from_seeds(tile, fitted, seeds, self.rig.grid()),
-            None => selection.select(tile, fitted, &Starts::Multistart),
-        };
-        for (estimate, by_count) in tile.estimates.iter_mut().zip(&by_count) {
-            *estimate = self.ordered(by_count.chosen());
-        }
-        by_count
     }
 
     /// Searches on all bands from the present estimates, whose samples have these variances.
@@ -354,7 +387,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 renew,
                 samples: &mut tile.colour,
                 solution,
-                lobes: self.options.lobes,
                 level: self.run.level,
             }
             .run();
@@ -377,7 +409,6 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                 estimates: &mut tile.estimates,
                 samples: &tile.colour,
                 solution,
-                lobes: self.options.lobes,
                 level: self.run.level,
             }
             .run();
