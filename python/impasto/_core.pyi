@@ -137,7 +137,7 @@ class PriorNumbers(TypedDict):
 
 @type_check_only
 class Learned(TypedDict):
-    start: Literal["multistart", "neighbours"]
+    start: Literal["multistart", "neighbours", "neighbours-only"]
     bounded: bool
     pixels: int
     prior: PriorNumbers | None

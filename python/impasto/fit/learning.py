@@ -109,9 +109,9 @@ class LearnedModel:
     def halo(self) -> int:
         """Width in pixels of the border around a tile that its fit needs, within the painting.
 
-        The border contains the seeds of ``Effort(start="neighbours")``: the fits of every 16th and
-        every fourth pixel of as many rows of the whole painting, from which searches around them
-        start.
+        The border contains the seeds of ``Effort(start="neighbours")``: the fits of every fourth
+        pixel of every fourth row of the whole painting, from which searches around them start, and
+        of every 16th of every 16th, from which these do.
         """
         seeds = isinstance(self.fit, LearnedLobes) and self.fit.options.start != "multistart"
         return HALO if seeds else 0
