@@ -15,6 +15,7 @@ import xarray
 import impasto
 from impasto import ArgumentError, GeometryError, LazyStack
 from impasto.fit import lazy as lazy_module
+from impasto.fit.lobes import HALO
 from killed_jobs import stack
 from processes import surroundings
 
@@ -73,7 +74,7 @@ def test_tiles_have_the_border_that_a_fit_needs() -> None:
     mask = np.ones((70, 90), bool)
     mask[20:45, 30:60] = False
     options = {**LOBES, "effort": impasto.Effort(start="neighbours")}
-    assert impasto.learn_sbrdf(stack(), **options).halo > 2
+    assert impasto.learn_sbrdf(stack(), **options).halo == HALO
     whole = impasto.fit_sbrdf(stack()._replace(mask=mask), **options)
     chunks = (12, 3, (33, 35, 2), (40, 48, 2))
     samples = da.from_array(stack().samples, chunks=chunks)

@@ -60,14 +60,18 @@ def test_a_part_with_two_lobes_keeps_them(start: Any) -> None:
     assert (found == 2)[two].mean() > 0.95 * (thorough == 2)[two].mean()
 
 
-def test_a_small_part_with_two_lobes_keeps_them_around_seeds() -> None:
-    """Too few pixels for a prior: what is searched for is what the seeds beside a pixel have."""
+@pytest.mark.parametrize(("top", "left"), [(10, 30), (18, 34)], ids=["on", "between"])
+def test_a_small_part_with_two_lobes_keeps_them_around_seeds(top: int, left: int) -> None:
+    """Too few pixels for a prior: what is searched for is what the seeds beside a pixel have.
+
+    Row 16, column 32 is a seed of the coarse grid; the second part has none.
+    """
     two = np.zeros(SHAPE, np.bool_)
-    two[10:19, 30:39] = True
+    two[top : top + 9, left : left + 9] = True
     assert two[SEEDS].mean() < 0.05
     stack = painting(two)
     thorough, found = lobes(stack, "multistart"), lobes(stack, "neighbours")
     inside = np.zeros(SHAPE, np.bool_)
-    inside[12:17, 32:37] = True
+    inside[top + 2 : top + 7, left + 2 : left + 7] = True
     assert (thorough == 2)[inside].mean() > 0.9
     assert (found == 2)[inside].mean() > 0.9

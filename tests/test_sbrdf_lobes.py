@@ -435,7 +435,7 @@ def test_the_search_ends_where_scipy_ends(scene: Any) -> None:
     assert np.percentile(error, 95) < 0.3
 
 
-# Starts from neighbouring pixels on a coarse grid.
+# Starts from neighbouring pixels on a grid.
 
 
 def apart(stack: impasto.Stack, *, bounded: bool = True, **effort: Any) -> impasto.LobeSbrdf:

@@ -18,6 +18,7 @@ from impasto.fit.lobes import (
     fit_lobes,
     learn_lobes,
 )
+from oracles import forward
 from oracles.rigs import spiral as lights
 from test_sbrdf_lobes import SHAPE, same_bits, scene, small
 
@@ -83,6 +84,35 @@ def test_tiles_are_the_whole_bit_for_bit(start: Any, tmp_path: Path) -> None:
                 for name in LobeMaps.__slots__:
                     getattr(found, name)[..., rows, columns] = getattr(tile, name)
         same_bits(whole, found.result(stack, whole.normals, 1.45))
+
+
+def test_threads_change_nothing_without_rounds() -> None:
+    """Lobes at the bound are widened with what this tile says, not what a worker's last one did."""
+    rng = np.random.default_rng(4)
+    shape = 30, 40
+    normal = np.concatenate([rng.normal(0.0, 0.1, (2, *shape)), np.ones((1, *shape))])
+    normal /= np.linalg.norm(normal, axis=0)
+    rig = impasto.Rig(lights())
+    # The second is as wide as the bound.
+    gamma = np.where(np.arange(shape[1]) < 20, 0.1, 0.25) * np.ones(shape)
+    clean = forward.stack(normal, np.full((1, *shape), 0.3), np.full(shape, 3.0), gamma, rig)
+    noisy = np.repeat(clean, 3, axis=1) + rng.normal(0.0, 0.01, (len(clean), 3, *shape))
+    stack = impasto.Stack(noisy.astype(np.float32), lights=rig)
+    plain: dict[str, Any] = {"lobes": 2, "ambient": False, "index": 1.45}
+    effort = impasto.Effort(rounds=0, start="multistart")
+    one, three = (
+        fit_lobes(
+            stack,
+            impasto.fit_normals(stack),
+            effort=effort,
+            threads=threads,
+            progress=False,
+            **plain,
+        )
+        for threads in (1, 3)
+    )
+    assert (one.lobes > 0).mean() > 0.9
+    same_bits(one, three)
 
 
 def test_a_tile_is_written_into_memory_maps(scene: Any, tmp_path: Path) -> None:

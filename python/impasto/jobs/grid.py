@@ -12,7 +12,7 @@ from impasto import _core
 from impasto._internal.checks import is_whole
 from impasto._internal.windows import Window, widened
 from impasto.errors import ArgumentError
-from impasto.fit.lobes import MOST_LOBES
+from impasto.fit.lobes import HALO, MOST_LOBES
 from impasto.fit.residuals import COMPONENTS
 
 PIECE: int = _core.SurfaceStatistics.SIDE
@@ -125,14 +125,15 @@ class Footprint:
         """At most, of the components of residuals that are kept, in half precision."""
         return 2 * self.bands * min(COMPONENTS[-1], self.observations)
 
-    @property
-    def fitted(self) -> int:
+    def of_tile(self, rows: int, columns: int, border: int = HALO) -> int:
         """Of a tile while it is fitted, the next one is read and the last two become files.
 
-        Two tiles of samples and a copy without the border; two of maps, the files that are made of
-        one, and those that are written. Residuals are computed in single precision.
+        Two tiles of samples with a border and a copy without it; two of maps, the files that are
+        made of one, and those that are written. Residuals are computed in single precision.
         """
-        return 3 * self.samples + self.codes + 4 * self.maps + 6 * self.residuals
+        bordered = (2 * self.samples + self.codes) * (rows + 2 * border) * (columns + 2 * border)
+        inner = self.samples + 4 * self.maps + 6 * self.residuals
+        return bordered + inner * rows * columns
 
     @property
     def learned(self) -> int:
@@ -152,13 +153,13 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
     source
         Rows and columns of what is decoded at once; tiles are multiples of both where that fits.
     """
-    side = math.isqrt(memory // pixel.fitted)
-    if side < STEP:
+    fitting = [side for side in range(STEP, MOST + 1, STEP) if pixel.of_tile(side, side) <= memory]
+    if not fitting:
         raise ArgumentError(
             f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
-            f"{_in_words(2 * STEP * STEP * pixel.fitted)}, found {_in_words(2 * memory)}"
+            f"{_in_words(2 * pixel.of_tile(STEP, STEP))}, found {_in_words(2 * memory)}"
         )
-    side = min(side, MOST)
+    side = fitting[-1]
     both = math.lcm(STEP, *source)
     step = both if both <= side else STEP
     return side // step * step

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import warnings
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError, ImpastoWarning
+from impasto.fit.lobes import HALO
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.beginning import held
 from impasto.jobs.cluster import checked_client
@@ -183,7 +183,9 @@ def _repeated(
 def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) -> None:
     """The tiles of a job keep their size: with less memory they take more than they may."""
     sides = min(record.tile, record.shape[2]), min(record.tile, record.shape[3])
-    needed = photographs.pixel.fitted * math.prod(sides)
+    # A tile that holds the whole painting has no border.
+    border = 0 if sides == record.shape[2:] else HALO
+    needed = photographs.pixel.of_tile(*sides, border)
     if needed > memory:
         warnings.warn(
             f"memory: tiles of this job have {sides[0]} x {sides[1]} pixels and need "

@@ -16,7 +16,7 @@ use super::tile::TILE;
 use super::tile_fit::{LobeFit, LobeScratch};
 
 /// Lobes of every pixel, from the normals of photometric stereo: [`learn_lobes`] and [`apply_lobes`]
-/// in a row, each seed fitted once.
+/// in a row, with the seeds of the first.
 ///
 /// [`learn_lobes`]: super::learn_lobes
 ///

@@ -137,8 +137,8 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         found
     }
 
-    /// How many lobes a pixel may have that is no seed: as many as one of the seeds around it has,
-    /// or as there are priors for. If fewer pixels have them, it is by chance.
+    /// How many lobes are searched for at a pixel between the seeds: as many as one of the seeds
+    /// around it has, or as there are priors for. If fewer pixels have them, it is by chance.
     fn most_lobes(&self, around: &[&Seed]) -> usize {
         let beside = around.iter().map(|seed| seed.by_count.lobes).max().unwrap_or(0);
         let usual = match (self.options.start, self.prior) {

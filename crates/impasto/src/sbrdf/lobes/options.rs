@@ -39,7 +39,7 @@ pub struct LobeOptions {
 pub enum Origin {
     /// From all starting shapes of the model; the best end is kept.
     Multistart,
-    /// From the fits of neighbouring pixels on a grid, its [seeds](super::seeds).
+    /// From the fits of neighbouring pixels on a grid, the seeds.
     Neighbours,
     /// The same; pixels have at most as many lobes as a seed beside them, and one.
     NeighboursOnly,

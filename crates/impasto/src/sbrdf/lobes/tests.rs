@@ -206,6 +206,7 @@ fn tiles_are_the_whole_bit_for_bit() {
         (Origin::Neighbours, None, 4),
         (Origin::Multistart, None, 4),
         (Origin::Neighbours, varnish, 4),
+        (Origin::NeighboursOnly, None, 4),
         (Origin::Neighbours, None, 1),
     ] {
         let options = LobeOptions { coated, colour_iterations, ..options(start) };
@@ -225,7 +226,7 @@ fn tiles_are_the_whole_bit_for_bit() {
             ([42, 28], 1, 1),
         ] {
             let tile = scene.grid.tile(origin, width, height).unwrap();
-            let halo = if start == Origin::Neighbours { HALO } else { 0 };
+            let halo = if start == Origin::Multistart { 0 } else { HALO };
             let from = origin.map(|start| start.saturating_sub(halo));
             let [right, below] = [origin[0] + width + halo, origin[1] + height + halo];
             let wide = scene

@@ -400,3 +400,32 @@ impl LobeFitTile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_whole_registers_with_as_many_lobes_as_one_needs() {
+        let runs = |lobes: &[usize]| -> Vec<(usize, Range<usize>)> {
+            let with = |&lobes: &usize| Estimate { lobes, ..Estimate::new([0.0, 0.0, 1.0]) };
+            runs_by_lobes(&lobes.iter().map(with).collect::<Vec<_>>()).collect()
+        };
+        assert_eq!(runs(&[]), []);
+        assert_eq!(runs(&[2]), [(2, 0..1)]);
+        let mut lobes = [1; 4 * MAX_LANES + 3];
+        assert_eq!(runs(&lobes), [(1, 0..lobes.len())]);
+        lobes[MAX_LANES + 5] = 2;
+        lobes[3 * MAX_LANES - 1] = 2;
+        lobes[4 * MAX_LANES..].fill(0);
+        assert_eq!(
+            runs(&lobes),
+            [
+                (1, 0..MAX_LANES),
+                (2, MAX_LANES..3 * MAX_LANES),
+                (1, 3 * MAX_LANES..4 * MAX_LANES),
+                (0, 4 * MAX_LANES..lobes.len()),
+            ]
+        );
+    }
+}

@@ -97,7 +97,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         self.seeds_then(grids, |_, _, _| ()).map(|(seeds, _)| seeds)
     }
 
-    /// The same; also fits these seeds and returns their estimates.
+    /// Selects the lobes of seeds like [`Self::seeds`], fits the fine ones to all bands and returns
+    /// their estimates.
     pub(super) fn fitted_seeds(&self, grids: [SeedGrid; 2]) -> Result<(Seeds, Vec<Estimate>)> {
         let (seeds, estimates) = self.seeds_then(grids, |fit, scratch, fitted| {
             fit.fit_all_bands(scratch, fitted);
@@ -116,7 +117,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
         LobeFit { seeds: Some(&coarse), ..*self }.seeds_of(fine, then)
     }
 
-    /// The same for the seeds of one grid, from this fit's seeds or by multistart.
+    /// Selects the lobes of the seeds of one grid, from this fit's seeds or by multistart; `then` goes
+    /// on with pieces of them.
     fn seeds_of<T: Send>(
         &self,
         grid: SeedGrid,
@@ -130,8 +132,9 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             );
             return Err(Error::geometry("tile", problem));
         };
-        // What is learned compares a pixel with those before it in its piece.
-        let piece = if self.learning { TILE } else { self.run.piece(pixels.len(), TILE) };
+        // What is learned from the fine seeds compares a pixel with those before it in its piece.
+        let compares = self.learning && self.seeds.is_some();
+        let piece = if compares { TILE } else { self.run.piece(pixels.len(), TILE) };
         let found = self.run.map(
             pixels.chunks(piece).collect(),
             || LobeScratch::new(self.stack),
@@ -189,6 +192,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
     /// Fits all bands of the pixels whose lobes have been selected.
     fn fit_all_bands(&self, scratch: &mut LobeScratch, fitted: &[usize]) {
         let LobeScratch { tile, solution } = scratch;
+        // Without a round no residuals are known, and the prior has no weight.
+        solution.variance.fill(0.0);
         if self.options.colour_iterations == 1 && self.options.precision == Precision::Single {
             self.fused_rounds(tile, solution, fitted);
         } else {
