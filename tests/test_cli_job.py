@@ -97,6 +97,7 @@ def test_an_interrupted_job_says_how_to_go_on(
     assert "interrupted" in page
     assert "4 of 9, " in page
     assert f"impasto job resume {out}" in page
+    assert "\nmodel       photometric stereo alone\n" in page
     assert main(["job", "verify", str(out)]) == 4
     assert "as written, 4 of 9 tiles" in capsys.readouterr().out
     assert main(["job", "resume", str(out), "--quiet"]) == 0
@@ -246,7 +247,7 @@ def test_photographs_whose_disk_fails_end_with_a_job_to_resume(
     said = capsys.readouterr().err
     problem = "No such device" if call == "open" else "Input/output error"
     assert f".tif: cannot be read ({problem})" in said
-    assert f"go on with: impasto job resume {out}" in said
+    assert f"go on with: impasto job resume {out} --memory 1MB" in said
     assert "Traceback" not in said
     # A name that is wrong is an error of the call, though there is a job to resume.
     wrong = job(path, out, *few, "--mask", str(tmp_path / "nowhere.png"))

@@ -11,6 +11,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, simulate
+from impasto.fit.learned import LearnedLobe
 
 SIZE = (37, 50)
 """Pixels: no multiple of the seeds' step, of lanes or of tiles."""
@@ -89,3 +90,18 @@ def test_what_cannot_be_learned_or_applied_is_named(tmp_path: Path) -> None:
     impasto.fit_sbrdf(photographs, pooling="painting").save(tmp_path / "fit.npz")
     with pytest.raises(impasto.CorruptInputError, match=r"fit\.npz"):
         impasto.load_learned(tmp_path / "fit.npz")
+
+
+def test_a_model_says_in_words_what_was_learned() -> None:
+    learned = {fit: impasto.learn_sbrdf(stack(near=False), **FITS[fit]) for fit in FITS}
+    lobe = learned["painting"].fit
+    assert isinstance(lobe, LearnedLobe)
+    assert str(learned["painting"]) == (
+        f"one lobe for the painting: beta {lobe.beta:.3g}, gamma {np.degrees(lobe.gamma):.3g} "
+        f"degrees, {lobe.verdict}"
+    )
+    assert str(learned["pixel"]) == "torrance-sparrow, 2 lobes per pixel at most"
+    assert str(learned["lafortune"]) == "lafortune, 1 lobe per pixel at most"
+    assert str(impasto.learn_sbrdf(stack(near=False), pooling="none")) == "photometric stereo alone"
+    chosen = impasto.learn_sbrdf(stack(near=False), refine=False)
+    assert f"(chosen: {chosen.chosen})" in str(chosen)

@@ -23,6 +23,7 @@ from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.cli.resuming import (
+    MEMORY,
     files_words,
     is_of_a_disk,
     is_resumable,
@@ -33,7 +34,7 @@ from impasto.cli.resuming import (
     say_how_to_take_less,
 )
 from impasto.effort import Preset
-from impasto.errors import ArgumentError, ClusterError
+from impasto.errors import ArgumentError, ClusterError, CorruptInputError
 from impasto.fit.normals import Method
 from impasto.fit.options import Model, Pooling
 from impasto.fit.pooled import Extraction
@@ -42,7 +43,6 @@ from impasto.io.results.precision import Precision
 if TYPE_CHECKING:
     from distributed import Client
 
-MEMORY = "4GiB"
 LABEL_WIDTH = 12
 PHASES = {
     "reading": "reading the photographs",
@@ -257,6 +257,8 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         share = 100.0 * found.pixels_done / found.pixels
         rows["tiles"] = f"{found.tiles_done} of {found.tiles}, {share:.1f} % of the pixels"
     rows["folder"] = str(found.folder)
+    if (model := _learned_words(found.folder)) is not None:
+        rows["model"] = model
     if (
         found.phase != "scales"
         and found.pixels_per_second is not None
@@ -270,6 +272,21 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
     for name, value in rows.items():
         page.out(f"{name:<{LABEL_WIDTH}}{value}")
     return Exit.OK
+
+
+def _learned_words(folder: Path) -> str | None:
+    """The model that a job has learned; None until then."""
+    from impasto import load_learned
+    from impasto.jobs.folder import NOTES
+    from impasto.jobs.learning import LEARNED
+
+    file = folder / NOTES / LEARNED
+    try:
+        return str(load_learned(file))
+    except FileNotFoundError:
+        return None
+    except CorruptInputError as error:
+        return str(error)
 
 
 def verify(
@@ -430,26 +447,26 @@ def _worked(
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
-        say_how_to_resume(out)
+        say_how_to_resume(out, memory, scheduler)
         return Exit.INTERRUPTED
     except ClusterError as error:
         console.complain(str(error))
-        say_how_to_resume(out)
+        say_how_to_resume(out, memory, scheduler)
         return Exit.PARTIAL
     except OSError as error:
         if not is_resumable(out) or error.errno is None:
             raise
         console.complain(os_words(error))
-        say_how_to_resume(out)
+        say_how_to_resume(out, memory, scheduler)
         return Exit.PARTIAL
     except ArgumentError as error:
         if not is_of_a_disk(error, begun=pace.begun) or not is_resumable(out):
             raise
         console.complain(str(error))
-        say_how_to_resume(out)
+        say_how_to_resume(out, memory, scheduler)
         return Exit.PARTIAL
     except MemoryError:
-        return say_how_to_take_less(out, memory)
+        return say_how_to_take_less(out, memory, scheduler)
     return _say_notes(stages, out)
 
 

@@ -10,6 +10,8 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.errors import ArgumentError
 
+MEMORY = "4GiB"
+"""What a job takes that is given no other memory."""
 OF_A_NAME = {
     *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG),
     *(errno.EACCES, errno.EPERM),
@@ -29,10 +31,10 @@ def is_resumable(out: Path) -> bool:
         return False
 
 
-def say_how_to_resume(out: Path) -> None:
+def say_how_to_resume(out: Path, memory: str, scheduler: str | None) -> None:
     """The command that goes on, where there is something to go on with."""
     if is_resumable(out):
-        console.hint(f"go on with: {resume_words(out)}")
+        console.hint(f"go on with: {resume_words(out, memory, scheduler)}")
 
 
 def os_words(error: OSError) -> str:
@@ -49,7 +51,7 @@ def is_of_a_disk(error: ArgumentError, *, begun: bool) -> bool:
     return isinstance(cause, OSError) and (begun or cause.errno not in OF_A_NAME)
 
 
-def say_how_to_take_less(out: Path, memory: str) -> int:
+def say_how_to_take_less(out: Path, memory: str, scheduler: str | None) -> int:
     """Half of the memory that was not there, and tiles of another size by a new job."""
     if not is_resumable(out):
         console.complain(f"not enough memory: {less_than(memory)}")
@@ -58,19 +60,19 @@ def say_how_to_take_less(out: Path, memory: str) -> int:
         "not enough memory; the tiles of this job keep their size: if less for the rest does not "
         "do, begin anew with smaller tiles (impasto job run --no-resume --tile)"
     )
-    console.hint(f"go on with: {resume_words(out)} {_half_of(memory)}")
+    console.hint(f"go on with: {resume_words(out, _half_of(memory), scheduler)}")
     return Exit.PARTIAL
 
 
 def less_than(memory: str) -> str:
     """What to do where the system does not have this much memory."""
-    return f"give less than {memory}, such as {_half_of(memory)}"
+    return f"give less than {memory}, such as --memory {_half_of(memory)}"
 
 
 def _half_of(memory: str) -> str:
     from impasto.jobs.grid import bytes_of
 
-    return f"--memory {max(bytes_of(memory) >> 21, 1)}MiB"
+    return f"{max(bytes_of(memory) >> 21, 1)}MiB"
 
 
 def say_how_to_repair(out: Path, files: list[Path]) -> None:
@@ -92,9 +94,14 @@ def say_how_to_repair(out: Path, files: list[Path]) -> None:
     console.hint(f"made again, from the photographs, by: {rename}{resume_words(out)}")
 
 
-def resume_words(out: Path) -> str:
-    """The command that goes on with a job."""
-    return f"impasto job resume {shlex.quote(str(out))}"
+def resume_words(out: Path, memory: str = MEMORY, scheduler: str | None = None) -> str:
+    """The command that goes on with a job; options that are the defaults are not named."""
+    words = ["impasto", "job", "resume", str(out)]
+    if memory != MEMORY:
+        words += ["--memory", memory]
+    if scheduler is not None:
+        words += ["--scheduler", scheduler]
+    return shlex.join(words)
 
 
 def files_words(count: int) -> str:

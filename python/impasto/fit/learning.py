@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import instance, truth
 from impasto._internal.windows import widened, window, within
+from impasto._internal.wording import counted
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.choice import Choice
@@ -104,6 +106,18 @@ class LearnedModel:
             f"<LearnedModel {self.model}, pooling={self.pooling!r}, of {width} x {height} pixels, "
             f"{self.bands} bands, halo of {self.halo} pixels>"
         )
+
+    def __str__(self) -> str:
+        """The fit in words, with the painting's lobe and what was chosen against what."""
+        if isinstance(self.fit, LearnedLobe):
+            width = math.degrees(self.fit.gamma)
+            own = f"beta {self.fit.beta:.3g}, gamma {width:.3g} degrees, {self.fit.verdict}"
+            words = f"one lobe for the painting: {own}"
+        elif self.pooling == "pixel":
+            words = f"{self.model}, {counted(self.lobes, 'lobe')} per pixel at most"
+        else:
+            words = "photometric stereo alone"
+        return words if self.chosen is None else f"{words} (chosen: {self.chosen})"
 
     @property
     def halo(self) -> int:
