@@ -3,7 +3,7 @@
     pytest benches/python/test_bandwidth_bench.py [--record]
 
 A megapixel each, on one thread. numpy is what somebody writes who wants the same numbers: single
-precision, one matrix product where one will do. ``docs/accuracy-and-time.md`` shows the record.
+precision, one matrix product where one will do. ``docs/bandwidth.md`` shows the record.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class Effort:
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
         ``"single"`` ends where the next step would be shorter than a tenth of a standard deviation.
         ``"polished"``: the last round continues in double precision with up to as many steps again;
-        it takes 1.7 times as long. ``"double"``: every search is in double precision; it takes 2.3
+        it takes 1.5 times as long. ``"double"``: every search is in double precision; it takes 2.0
         times as long. With enough steps these two end within 1e-11 of the least cost. All three
         predict held-out photographs equally well.
         Samples, weights and results are always in single precision; ``converged`` is stricter in
@@ -114,8 +114,8 @@ PRESETS: dict[str, Effort] = {
     "standard": Effort(),
     "reference": Effort(pixels=1 << 18, rounds=3, colour_iterations=3),
 }
-"""From the recorded study (``python benches/study --presets``), whose rule calls for fewer steps in
-colour. All three take more of them: with one many searches end before they converge."""
+"""From the recorded study (``python benches/study --presets``), whose rule calls for fewer steps.
+All three take more of them: with one or two many searches end before they converge."""
 
 
 def resolved(effort: EffortLike) -> Effort:

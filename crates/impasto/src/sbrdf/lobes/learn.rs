@@ -17,11 +17,16 @@ use super::tile_fit::{LobeFit, LobeScratch};
 /// Most tiles from which the prior is made.
 const SAMPLED: usize = 40;
 
-/// Lobes are not bounded where, at the median pixel that reaches the bound, lobes and normal free of
-/// it lower the sum of squares by more than this many variances. Where no lobe is broader the bound
-/// costs a pixel less than that, on average: it takes one unknown away, of which a part comes back
-/// with the width about the kept normal.
-const GAIN: f32 = 1.0;
+/// Lobes are not bounded where lobes and normal free of the bound lower the sum of squares of pixels
+/// that reach it by more than this many variances, on average. Where no lobe is broader the bound
+/// costs a pixel less than that: it takes one unknown away, of which a part comes back with the width
+/// about the kept normal. The mean, not the median: of a painting in several materials a few may be
+/// broad.
+const GAIN: f64 = 1.0;
+
+/// ... of which one pixel counts this many at most: those that the model does not describe gain
+/// hundreds.
+const GAIN_OF_ONE: f32 = 10.0;
 
 /// ... and the residuals that are left correlate less than this between pixels, on average. Broad
 /// lobes that are there leave noise. What lobes that stand for errors of the diffuse part cannot
@@ -104,9 +109,13 @@ fn has_broad_lobes(estimates: &[Estimate]) -> bool {
     if left.len() < fewest {
         return false;
     }
+    gain.iter_mut().for_each(|gain| *gain = gain.min(GAIN_OF_ONE));
     let alike = said(|one| one.alike);
-    let mean = alike.iter().copied().map(f64::from).sum::<f64>() / alike.len() as f64;
-    median(&mut left) < LITTLE || median(&mut gain) > GAIN && mean < ALIKE
+    median(&mut left) < LITTLE || mean(&gain) > GAIN && mean(&alike) < ALIKE
+}
+
+fn mean(values: &[f32]) -> f64 {
+    values.iter().copied().map(f64::from).sum::<f64>() / values.len() as f64
 }
 
 /// NaN of none.
