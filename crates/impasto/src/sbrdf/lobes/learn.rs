@@ -105,17 +105,18 @@ fn has_broad_lobes(estimates: &[Estimate]) -> bool {
         let all = estimates.iter().map(|one| number(&one.unbounded));
         all.filter(|value| !value.is_nan()).collect()
     };
-    let [mut left, mut gain] = [said(|one| one.left), said(|one| one.gain)];
+    let mut left = said(|one| one.left);
     if left.len() < fewest {
         return false;
     }
-    gain.iter_mut().for_each(|gain| *gain = gain.min(GAIN_OF_ONE));
-    let alike = said(|one| one.alike);
-    median(&mut left) < LITTLE || mean(&gain) > GAIN && mean(&alike) < ALIKE
+    let gain = said(|one| one.gain).into_iter().map(|gain| gain.min(GAIN_OF_ONE));
+    let alike = said(|one| one.alike).into_iter();
+    median(&mut left) < LITTLE || mean(gain) > GAIN && mean(alike) < ALIKE
 }
 
-fn mean(values: &[f32]) -> f64 {
-    values.iter().copied().map(f64::from).sum::<f64>() / values.len() as f64
+fn mean(values: impl ExactSizeIterator<Item = f32>) -> f64 {
+    let count = values.len() as f64;
+    values.map(f64::from).sum::<f64>() / count
 }
 
 /// NaN of none.
