@@ -12,7 +12,7 @@ from impasto import _core
 from impasto._internal.checks import is_whole
 from impasto._internal.windows import Window, widened
 from impasto.errors import ArgumentError
-from impasto.fit.lobes import HALO, MOST_LOBES
+from impasto.fit.lobes import MOST_LOBES
 from impasto.fit.residuals import COMPONENTS
 
 PIECE: int = _core.SurfaceStatistics.SIDE
@@ -125,7 +125,7 @@ class Footprint:
         """At most, of the components of residuals that are kept, in half precision."""
         return 2 * self.bands * min(COMPONENTS[-1], self.observations)
 
-    def of_tile(self, rows: int, columns: int, border: int = HALO) -> int:
+    def of_tile(self, rows: int, columns: int, border: int) -> int:
         """Of a tile while it is fitted, the next one is read and the last two become files.
 
         Two tiles of samples with a border and a copy without it; two of maps, the files that are
@@ -141,7 +141,7 @@ class Footprint:
         return self.samples - self.held + self.codes + self.maps
 
 
-def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
+def tile_for(memory: int, pixel: Footprint, source: tuple[int, int], border: int) -> int:
     """Rows and columns of the tiles of a job.
 
     Parameters
@@ -152,12 +152,15 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int]) -> int:
         What a pixel takes.
     source
         Rows and columns of what is decoded at once; tiles are multiples of both where that fits.
+    border
+        Pixels around a tile that its fit needs.
     """
-    fitting = [side for side in range(STEP, MOST + 1, STEP) if pixel.of_tile(side, side) <= memory]
+    sides = range(STEP, MOST + 1, STEP)
+    fitting = [side for side in sides if pixel.of_tile(side, side, border) <= memory]
     if not fitting:
         raise ArgumentError(
             f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
-            f"{_in_words(2 * pixel.of_tile(STEP, STEP))}, found {_in_words(2 * memory)}"
+            f"{_in_words(2 * pixel.of_tile(STEP, STEP, border))}, found {_in_words(2 * memory)}"
         )
     side = fitting[-1]
     both = math.lcm(STEP, *source)

@@ -42,7 +42,7 @@ from impasto.jobs.grid import (
     tile_for,
 )
 from impasto.jobs.journal import JOURNAL, Journal
-from impasto.jobs.learning import LEARNED, FitOptions, checked_fit, learned_from
+from impasto.jobs.learning import LEARNED, FitOptions, border_of, checked_fit, learned_from
 from impasto.jobs.lock import release
 from impasto.jobs.photographs import (
     Photographs,
@@ -186,7 +186,9 @@ def run(
             tile = earlier.tile if tile is None else tile
             sample = earlier.sample if sample is None else sample
         if tile is None:
-            tile = tile_for(budget // 2, photographs.pixel, photographs.source_grid)
+            tile = tile_for(
+                budget // 2, photographs.pixel, photographs.source_grid, border_of(chosen)
+            )
         tile = min(tile, -(-max(photographs.size) // STEP) * STEP)
         if sample is None:
             observations, bands, *_ = photographs.shape

@@ -13,6 +13,7 @@ from impasto._internal.checks import one_of, suggestion, truth
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.learning import LearnedModel, learn_sbrdf
+from impasto.fit.lobes import HALO
 from impasto.fit.normals import METHODS, Method
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction
@@ -47,6 +48,12 @@ NAMES = tuple(get_type_hints(FitOptions))
 """Of these options."""
 OWN = ("lobes", "ambient", "coated", "extraction", "peak", "joint", "index")
 """Those that only some fits have."""
+
+
+def border_of(fit: Mapping[str, Any]) -> int:
+    """Most pixels around a tile that a fit with these options needs: where seeds may lie."""
+    seeds = fit["model"] == "torrance-sparrow" and fit["pooling"] in ("auto", "pixel")
+    return HALO if seeds else 0
 
 
 def checked_fit(given: Mapping[str, Any]) -> dict[str, Any]:

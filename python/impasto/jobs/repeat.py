@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback
 from impasto.errors import ArgumentError, ImpastoWarning
-from impasto.fit.lobes import HALO
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.beginning import held
 from impasto.jobs.cluster import checked_client
@@ -28,6 +27,7 @@ from impasto.jobs.folder import (
 from impasto.jobs.grid import bytes_of
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
+from impasto.jobs.learning import border_of
 from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord
 from impasto.stack import Stack
@@ -184,7 +184,7 @@ def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) ->
     """The tiles of a job keep their size: with less memory they take more than they may."""
     sides = min(record.tile, record.shape[2]), min(record.tile, record.shape[3])
     # A tile that holds the whole painting has no border.
-    border = 0 if sides == record.shape[2:] else HALO
+    border = 0 if sides == record.shape[2:] else border_of(record.fit)
     needed = photographs.pixel.of_tile(*sides, border)
     if needed > memory:
         warnings.warn(
