@@ -120,3 +120,18 @@ def test_three_varnishes_of_which_one_has_a_broad_lobe() -> None:
     found = impasto.fit_sbrdf(capture.stack, pooling="pixel")
     # 0.14 degrees; 0.23 bounded.
     assert error(found.normal, np.asarray(capture.truth.normal)) < 0.18
+
+
+@pytest.mark.parametrize("lights", [7, 9])
+def test_few_photographs_in_one_band_stay_bounded(lights: int) -> None:
+    """1 and 3 residuals more than unknowns: by chance gains over their variance are large."""
+    rng = np.random.default_rng(4)
+    shape = 32, 60
+    normal = np.concatenate([rng.normal(0.0, 0.1, (2, *shape)), np.ones((1, *shape))])
+    normal /= np.linalg.norm(normal, axis=0)
+    few = np.linspace(0, len(spiral()) - 1, lights).round().astype(int)
+    rig = impasto.Rig(np.asarray(spiral())[few])
+    flat, at_the_bound = np.full((1, *shape), 0.3), np.full(shape, 0.25)
+    clean = oracle.stack(normal, flat, np.full(shape, 3.0), at_the_bound, rig)
+    noisy = clean + rng.normal(0.0, 0.01, clean.shape)
+    assert is_bounded(impasto.Stack(noisy.astype(np.float32), lights=rig))

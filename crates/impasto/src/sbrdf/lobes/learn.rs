@@ -25,7 +25,7 @@ const SAMPLED: usize = 40;
 const GAIN: f64 = 1.0;
 
 /// ... of which one pixel counts this many at most: those that the model does not describe gain
-/// hundreds.
+/// hundreds. If a tenth of them do, their residuals are alike.
 const GAIN_OF_ONE: f32 = 10.0;
 
 /// ... and the residuals that are left correlate less than this between pixels, on average. Broad

@@ -313,7 +313,9 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
                     + free.lobes * M::SHAPES
                     + 2;
                 let samples = tile.colour.bands * tile.usable[pixel];
-                let variance = free.cost / samples.saturating_sub(unknowns) as f32;
+                // Two less: over a variance of d estimated residuals, a gain by chance has a mean of
+                // d / (d - 2) (the F distribution), and none where d is 2 or less.
+                let variance = free.cost / samples.saturating_sub(unknowns + 2) as f32;
                 let unbounded = Unbounded {
                     left: free.cost / about[pixel].cost,
                     gain: (about[pixel].cost - free.cost) / variance,
