@@ -70,7 +70,7 @@ def test_a_broad_lobe_that_is_there_is_found(gamma: float, noise: float) -> None
 def test_a_broad_lobe_of_few_pixels_is_found(noise: float) -> None:
     """A fifth of the painting; most pixels that reach the bound have a lobe as wide as it.
 
-    Bounded, its normals are off by 1.2 degrees.
+    Bounded, its normals are off by 1.6 degrees.
     """
     gamma = np.where(np.arange(SHAPE[1]) < 0.8 * SHAPE[1], 0.25, 0.45)
     normal, stack = photographs(gamma * np.ones(SHAPE), noise)

@@ -100,15 +100,11 @@ def test_threads_change_nothing_without_rounds() -> None:
     stack = impasto.Stack(noisy.astype(np.float32), lights=rig)
     plain: dict[str, Any] = {"lobes": 2, "ambient": False, "index": 1.45}
     effort = impasto.Effort(rounds=0, start="multistart")
+    stereo = impasto.fit_normals(stack)
+    # Only bounded lobes are widened.
+    assert learn_lobes(stack, stereo, LobeOptions.of(effort, **plain)).options.bounded
     one, three = (
-        fit_lobes(
-            stack,
-            impasto.fit_normals(stack),
-            effort=effort,
-            threads=threads,
-            progress=False,
-            **plain,
-        )
+        fit_lobes(stack, stereo, effort=effort, threads=threads, progress=False, **plain)
         for threads in (1, 3)
     )
     assert (one.lobes > 0).mean() > 0.9

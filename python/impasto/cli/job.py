@@ -287,6 +287,8 @@ def _learned_words(folder: Path) -> str | None:
         return None
     except CorruptInputError as error:
         return str(error)
+    except OSError as error:
+        return os_words(error)
 
 
 def verify(

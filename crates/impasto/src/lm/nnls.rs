@@ -4,10 +4,11 @@
 use super::cholesky::{Factor, factor};
 use crate::math::{Mask, Real};
 
-/// So often all columns that are wrong change sides at once; then one at a time.
+/// So many times all columns that are wrong change sides together; then one at a time.
 const AT_ONCE: usize = 4;
 
-/// Changes of the free columns at most: two for each of up to five columns are what hard cases take.
+/// Changes of the free columns at most: those, two for each of up to five columns, which hard cases
+/// take, and the last look.
 /// Neither limit depends on the number of columns: a pixel in a register whose others have more
 /// lobes goes through the same changes as without them.
 const MOST_CHANGES: usize = 15;
@@ -111,8 +112,8 @@ impl<R: Real, const K: usize> Sums<R, K> {
     }
 
     /// The solution that leaves the smallest residuals, no strength negative; the columns in
-    /// `barred` stay 0. Columns change sides all at once as long as that helps, then one at a time
-    /// (Murty), which always ends.
+    /// `barred` stay 0. Columns change sides together a few times, then one at a time
+    /// (Murty), which ends; far beyond what hard cases take, it is cut off.
     #[must_use]
     #[inline(always)]
     pub fn solve(&self, barred: &[bool; K]) -> Solution<R, K> {
