@@ -306,7 +306,7 @@ def test_reduced_photographs_keep_what_is_clipped_and_masked() -> None:
     mask = np.ones((20, 20), bool)
     mask[:, :2] = False
     stack = impasto.Stack(samples, lights=dome(8), saturation=1.0, mask=mask, pitch_mm=0.1)
-    few, truth, step = reduced(stack, 10)
+    few, truth, step = reduced(stack, 10, threads=2)
     assert step == 2
     assert few.rig.pitch_mm == pytest.approx(0.2)
     assert few.samples[0, 0, 1, 1] == np.inf

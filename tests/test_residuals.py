@@ -73,7 +73,7 @@ def test_principal_components_hold_most_of_the_residuals() -> None:
 def test_without_noise_known_lights_show_the_photographs(stack: impasto.Stack) -> None:
     model = fit_sbrdf(stack, pooling="painting")
     process = LearnedResiduals(np.eye(len(stack.rig)), 0.05, 1e-6, 1.0, 0.0)
-    kept = replace(model, residuals=apply_residuals(process, stack, model))
+    kept = replace(model, residuals=apply_residuals(process, stack, model, threads=2))
     truth = np.array([stack.linear(i) for i in range(len(stack.rig))])
     assert decibels(kept.predict(fidelity="model"), truth).mean() < 40.0
     # Residuals of up to some 100 codes in half precision have steps of 0.06, tables 0.01.

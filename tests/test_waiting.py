@@ -6,7 +6,7 @@ import _thread
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 import impasto
 import impasto._internal.waiting as waiting
 from circumstances import capture
-from impasto._internal.waiting import floats, wait_for
+from impasto._internal.waiting import floats, wait_for, wait_for_each
 from processes import run as run_program
 from test_io_stack import save
 
@@ -125,6 +125,63 @@ def test_a_step_returns_and_keeps_the_callers_numpy() -> None:
     assert wait_for(divmod, 17, 5) == (3, 2)
     with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
         wait_for(np.divide, 1.0, np.zeros(2))
+
+
+def test_steps_side_by_side_return_in_the_order_of_their_items() -> None:
+    together = threading.Barrier(2)
+
+    def step(item: int) -> tuple[int, int | None]:
+        together.wait(PATIENCE)  # nobody comes here alone
+        return item, threading.get_ident()
+
+    found = wait_for_each(step, range(4), 2)
+    assert [item for item, _ in found] == [0, 1, 2, 3]
+    assert len({thread for _, thread in found}) == 2
+    assert threading.main_thread().ident not in {thread for _, thread in found}
+    assert not waiting._UNDER_WAY
+
+
+def test_on_one_thread_and_without_threads_the_caller_takes_all_steps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    main = threading.main_thread().ident
+    assert wait_for_each(lambda _: threading.get_ident(), range(3), 1) == [main] * 3
+    assert wait_for_each(lambda _: threading.get_ident(), range(1), 8) == [main]
+
+    def full(*_: object) -> int:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(_thread, "start_new_thread", full)
+    assert wait_for_each(lambda _: threading.get_ident(), range(3), 8) == [main] * 3
+
+
+def test_the_first_error_of_steps_is_raised() -> None:
+    def step(item: int) -> None:
+        if item:
+            raise ValueError(item)
+
+    with pytest.raises(ValueError, match="1"):
+        wait_for_each(step, range(3), 2)
+    with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
+        wait_for_each(lambda one: np.divide(1.0, one), [np.ones(2), np.zeros(2)], 2)
+
+
+@pytest.mark.usefixtures("heard")
+def test_ctrl_c_leaves_steps_in_the_middle_and_begins_no_other() -> None:
+    read, begun = threading.Event(), []
+
+    def step(item: int) -> None:
+        begun.append(item)
+        if item == 1:
+            _thread.interrupt_main()
+        assert read.wait(PATIENCE)
+
+    with pytest.raises(KeyboardInterrupt):
+        wait_for_each(step, range(4), 2)
+    under_way = list(waiting._UNDER_WAY)
+    read.set()
+    wait(under_way, PATIENCE)
+    assert sorted(begun) == [0, 1]
 
 
 def test_where_no_signal_comes_a_step_needs_no_thread() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +59,12 @@ def _joined(
     return np.asarray(np.where(value > 1.0, 1.0 + (value - 1.0) * slope, inside))
 
 
+def _precise(values: ArrayLike) -> NDArray[Any]:
+    """Floats: single precision, as exact as what is returned, stays; all else becomes double."""
+    found = np.asarray(values)
+    return found if found.dtype == np.float32 else found.astype(np.float64, copy=False)
+
+
 @dataclass(frozen=True, slots=True)
 class Encoding:
     """A tone curve between linear light (white board 1.0) and a file's coded values.
@@ -100,7 +107,7 @@ class Encoding:
 
     def decode(self, coded: ArrayLike) -> NDArray[np.float32]:
         """Linear light from coded values, any shape; full scale becomes 1.0."""
-        value = np.asarray(coded, dtype=np.float64) / self.white
+        value = _precise(coded) / self.white
         if self.curve == "linear":
             return np.asarray(value, dtype=np.float32)
         magnitude = np.abs(value)
@@ -120,9 +127,14 @@ class Encoding:
 
         With ``clip=False`` light above full scale follows the curve beyond ``white``.
         """
-        value = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0 if clip else None)
+        value = np.asarray(np.clip(_precise(linear), 0.0, 1.0 if clip else None))
         if self.curve == "srgb":
-            value = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+            # In place: a new array for every step takes as long as the power.
+            straight = 12.92 * value
+            np.power(value, 1 / 2.4, out=value)
+            value *= 1.055
+            value -= 0.055
+            np.copyto(value, straight, where=straight <= 12.92 * 0.0031308)
         elif self.curve.startswith(POINTS):
             codes, light = _points(self.curve)
             value = _joined(value, light, codes)

@@ -10,16 +10,18 @@ import atexit
 import contextvars
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.pools import Pool
 from impasto._internal.threads import start
 
 Given = ParamSpec("Given")
+Item = TypeVar("Item")
 Found = TypeVar("Found")
 
 HEARTBEAT = 0.05
@@ -70,6 +72,57 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
                 return outcome.result()
             if over:  # without memory to say what it found
                 raise MemoryError from None
+
+
+def wait_for_each(
+    step: Callable[[Item], Found], items: Sequence[Item], threads: int
+) -> list[Found]:
+    """``step`` of every item, on at most so many threads at once; Ctrl-C leaves them to themselves.
+
+    Unlike those of :func:`wait_for` the steps may call the numerics, which then do not hear of
+    Ctrl-C: none takes longer than a second or two, and those that have not begun never do. On one
+    thread, or where none can be started, the caller takes all steps.
+
+    Returns
+    -------
+    list
+        What the steps return, in the order of the items; of what they raise, the first is raised.
+    """
+    if threads < 2 or len(items) < 2:
+        return [step(item) for item in items]
+    pool = Pool(min(threads, len(items)))
+    try:
+        handed = [_handed(pool, step, item) for item in items]
+        return [
+            step(item) if future is None else _awaited(future)
+            for item, future in zip(items, handed, strict=True)
+        ]
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    finally:
+        pool.shutdown(wait=False)
+
+
+def _handed(pool: Pool, step: Callable[[Item], Found], item: Item) -> Future[Found] | None:
+    """The step on one of the pool's threads; None where the system gives none."""
+    try:
+        future = pool.submit(contextvars.copy_context().run, step, item)
+    except MemoryError:
+        return None
+    _UNDER_WAY.add(future)
+    future.add_done_callback(_UNDER_WAY.discard)
+    return future
+
+
+def _awaited(future: Future[Found]) -> Found:
+    while True:
+        try:
+            return future.result(HEARTBEAT)
+        except TimeoutError:
+            if future.done():
+                # At the last moment; or its own error.
+                return future.result()
 
 
 _UNDER_WAY: set[Future[Any]] = set()

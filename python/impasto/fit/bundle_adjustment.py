@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import thread_count
+from impasto._internal.waiting import wait_for_each
 from impasto.fit.gauge import fall_off, log_cosine, log_elevation, log_strengths_of_tilt
 from impasto.fit.held_out import KEPT, HeldOut, log_ratios, trimmed_mean
 from impasto.fit.lobe_profile import Fitted, shown_by
@@ -179,15 +180,18 @@ class BundleAdjustment:
     def _fitted(self, state: RigNumbers, folds: int = 1) -> tuple[list[Fitted], float]:
         """The surface, or one without each fold, and their trimmed error."""
         stack = self._test.lit(self._at(state))
-        count, surfaces, errors = len(stack.rig), [], []
-        for fold in range(folds):
+        count = len(stack.rig)
+
+        def without(fold: int) -> tuple[Fitted, Array]:
             held = _photographs(count, fold, folds)
             found = self._test.surface(stack if folds == 1 else stack.take(np.flatnonzero(~held)))
             shown = found.shown(stack.rig.take(np.flatnonzero(held)), self._threads)
             error = self._test.truth[held] - self._test.coded(shown)
-            errors.append(error[..., found.fine].ravel())
-            surfaces.append(found)
-        return surfaces, trimmed_mean(np.concatenate(errors))
+            return found, error[..., found.fine].ravel()
+
+        both = wait_for_each(without, range(folds), thread_count(self._threads))
+        surfaces, errors = zip(*both, strict=True)
+        return list(surfaces), trimmed_mean(np.concatenate(errors))
 
     def _medians(self, state: RigNumbers, found: Fitted) -> Array:
         """Logarithms of strengths by median ratios; 0, as given, where a photograph is black."""

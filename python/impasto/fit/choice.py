@@ -12,10 +12,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.waiting import wait_for_each
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.cross_validation import FEWEST, folds_of, full_scale
+from impasto.fit.cross_validation import FEWEST, Fold, folds_of, full_scale
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
 from impasto.rig import Rig
@@ -184,7 +185,7 @@ class Choice:
 def choose(
     stack: Stack,
     candidates: Sequence[Candidate],
-    fit: Callable[[Stack, Candidate], Any],
+    fit: Callable[[Candidate], Callable[[Stack], Any]],
     *,
     open_varnish: bool = True,
     part: Stack | None = None,
@@ -206,8 +207,8 @@ def choose(
     candidates
         Of :data:`CANDIDATES`, in their order.
     fit
-        Fits a candidate to some photographs and returns a result that can ``predict`` others, with
-        its residuals if they may be kept.
+        Of a candidate: what fits it to some photographs and returns a result that can ``predict``
+        others, with its residuals if they may be kept.
     open_varnish
         Whether the best of lobes per pixel is tried under a varnish, too.
     part
@@ -238,14 +239,8 @@ def choose(
     with reporting(progress is True, "choice") as callback:
         while waiting:
             candidate = waiting.pop(0)
-            errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
-            for fold in folds:
-                fitted = fit(fold.known, candidate)
-                for process, shown in shown_by_process(fitted, fold.rig).items():
-                    found = decibels(shown, fold.compared, top)
-                    errors.setdefault(process, []).append(found)
             # The model alone, and with the residuals that help most, if any do.
-            ways = [np.concatenate(found) for found in errors.values()]
+            ways = predicted(fit(candidate), folds, top, threads)
             each.append((ways[0], max(ways, key=np.mean)))
             tried.append(replace(candidate, decibels=float(each[-1][1].mean())))
             if not waiting and open_varnish and len(tried) == len(candidates):
@@ -253,6 +248,35 @@ def choose(
             if callback is not None:
                 callback(len(tried), len(tried) + len(waiting))
     return Choice(simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
+
+
+def predicted(
+    fit: Callable[[Stack], Any], folds: Sequence[Fold], top: float, threads: int | None
+) -> list[NDArray[np.float64]]:
+    """PSNR ``(obs,)`` of all photographs held out, by the model alone and by each process.
+
+    Parameters
+    ----------
+    fit
+        Fits the photographs of a fold; its result can ``predict`` those that are held out.
+    folds
+        The folds.
+    top
+        Linear light of full scale.
+    threads
+        None means every allowed core.
+    """
+
+    def of(fold: Fold) -> dict[tuple[float, float], NDArray[np.float64]]:
+        shown = shown_by_process(fit(fold.known), fold.rig)
+        return {process: decibels(one, fold.compared, top) for process, one in shown.items()}
+
+    each = wait_for_each(of, folds, thread_count(threads))
+    ways: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
+    for found in each:
+        for process, one in found.items():
+            ways.setdefault(process, []).append(one)
+    return [np.concatenate(way) for way in ways.values()]
 
 
 def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list[Candidate]:

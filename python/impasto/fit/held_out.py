@@ -10,6 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.calls import thread_count
+from impasto._internal.waiting import wait_for_each
 from impasto.effort import Preset, resolved
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
@@ -261,15 +263,20 @@ class HeldOut:
     def errors(self, rig: Rig, folds: int, lobes: int = 1) -> Errors:
         """Errors of every photograph when it was held out."""
         stack, count = self.lit(rig), len(self.samples)
-        coded = np.full((count, self.truth[0].size), np.nan)
-        for fold in range(folds):
-            held = np.arange(fold, count, folds)
+
+        def errors_of(held: NDArray[np.intp]) -> NDArray[np.float64]:
             seen = np.setdiff1d(np.arange(count), held)
             new = stack.rig.take(held)
             shown = self.surface(stack.take(seen), lobes).shown(new, self._threads)
             own = log_ratios(self.samples[held], shown.mean(axis=1), new.intensities)
             light = shown * np.exp(np.where(np.isfinite(own), own, 0.0))[:, None, None, None]
-            coded[held] = (self.coded(light) - self.truth[held]).reshape(len(held), -1)
+            return (self.coded(light) - self.truth[held]).reshape(len(held), -1)
+
+        parts = [np.arange(fold, count, folds) for fold in range(folds)]
+        coded = np.full((count, self.truth[0].size), np.nan)
+        found = wait_for_each(errors_of, parts, thread_count(self._threads))
+        for held, errors in zip(parts, found, strict=True):
+            coded[held] = errors
         return Errors(coded)
 
     def _step(self, linear: NDArray[np.float32]) -> float:
@@ -293,7 +300,8 @@ class HeldOut:
         Light that overflows is a very large error, not an unknown one.
         """
         with np.errstate(over="ignore"):  # of samples near the largest float
-            codes = self._curve.encode(linear / self.white, clip=False)
+            light = np.asarray(linear / self.white, np.float32)
+            codes = self._curve.encode(light, clip=False)
         eight_bits = np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
         return np.minimum(eight_bits, _LARGEST)
 

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from impasto import _core
 from impasto._internal.border import RigArguments
-from impasto._internal.waiting import wait_for
+from impasto._internal.calls import thread_count
+from impasto._internal.waiting import wait_for_each
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
-from impasto.fit.choice import MARGIN, decibels, shown_by_process
+from impasto.fit.choice import MARGIN, predicted
 from impasto.fit.cross_validation import FEWEST, Fold, folds_of, full_scale
 from impasto.fit.relief import Relief, blocks
 from impasto.fit.residuals import usual_residuals
@@ -72,7 +73,7 @@ def relief_sample(stack: Stack, fit: Fit, *, threads: int | None) -> Reduced | N
     """
     if len(stack.rig) < FEWEST or _core.views_differ(RigArguments.of(stack.rig)):
         return None
-    few = reduced(stack, JUDGED)
+    few = reduced(stack, JUDGED, threads=threads)
     if min(few.stack.shape[2:]) < SMALLEST:
         return None
     try:
@@ -102,7 +103,7 @@ def learn_white(few: Reduced, fit: Fit, *, threads: int | None) -> float | None:
     tried: dict[float, float] = {}
 
     def judged(factor: float) -> float:
-        found = _judged(_with_its_own(fit, first, factor * unit, threads), folds)
+        found = _judged(_with_its_own(fit, first, factor * unit, threads), folds, threads)
         tried[factor] = float(found.mean())
         return tried[factor]
 
@@ -161,10 +162,10 @@ def learn_relief(
         return None
     # All ways begin with the fit alone.
     first = [cache(fit) for fit in fits]
-    alone = _judged(first[0], folds)
+    alone = _judged(first[0], folds, threads)
     ways: list[tuple[Fit, Fit, float | None]] = [(fits[0], first[0], None)]
     ways += [(*both, white) for both in zip(fits, first, strict=True)]
-    gains = [_judged(_with_its_own(*way, threads), folds) - alone for way in ways]
+    gains = [_judged(_with_its_own(*way, threads), folds, threads) - alone for way in ways]
     gained = max(gains, key=np.mean)
     count = len(gained)
     error = float(gained.std(ddof=1) / np.sqrt(count)) if count > 1 else 0.0
@@ -172,7 +173,7 @@ def learn_relief(
     if gain <= max(MARGIN, error):
         return None
     fit, _, own_white = next(way for way, one in zip(ways, gains, strict=True) if one is gained)
-    whole = reduced(stack, KEPT)
+    whole = reduced(stack, KEPT, threads=threads)
     found: Relief = with_relief(
         whole.stack, fit, own_white, step=whole.step, threads=threads
     ).relief
@@ -225,7 +226,7 @@ def _matters(result: Any, threads: int | None) -> bool:
     return bool(inside.any() and np.sqrt(np.mean(changed[inside] ** 2.0)) >= LEAST)
 
 
-def reduced(stack: Stack, cells: int) -> Reduced:
+def reduced(stack: Stack, cells: int, *, threads: int | None) -> Reduced:
     """Photographs of at most so many pixels a side, means over blocks.
 
     Of large blocks a regular sample of pixels is read. A block with a clipped sample is clipped to
@@ -250,7 +251,7 @@ def reduced(stack: Stack, cells: int) -> Reduced:
         clipped = blocks(np.where(np.isnan(linear), np.nan, np.isinf(linear)), side)
         return mean, np.where((clipped > 0.0) & (clipped < 1.0), np.float32(np.nan), mean)
 
-    both = [wait_for(shrunk, index) for index in range(len(stack.rig))]
+    both = wait_for_each(shrunk, range(len(stack.rig)), thread_count(threads))
     samples, known = (np.stack(one) for one in zip(*both, strict=True))
     mask = None if inside is None else blocks(inside.astype(np.float32), side) >= 0.5
     pitch = None if stack.rig.pitch_mm is None else stack.rig.pitch_mm * step
@@ -263,15 +264,12 @@ def reduced(stack: Stack, cells: int) -> Reduced:
     )
 
 
-def _judged(fit: Fit, folds: Sequence[Fold]) -> NDArray[np.float64]:
+def _judged(fit: Fit, folds: Sequence[Fold], threads: int | None) -> NDArray[np.float64]:
     """PSNR of each held-out photograph, with residuals where they help."""
     top = full_scale(one for fold in folds for one in fold.compared)
-    errors: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
-    for fold in folds:
-        known = fold.known
+
+    def with_residuals(known: Stack) -> Any:
         result = fit(known)
-        result = replace(result, residuals=usual_residuals(known, result))
-        for process, shown in shown_by_process(result, fold.rig).items():
-            found = decibels(shown, fold.compared, top)
-            errors.setdefault(process, []).append(found)
-    return max((np.concatenate(found) for found in errors.values()), key=np.mean)
+        return replace(result, residuals=usual_residuals(known, result))
+
+    return max(predicted(with_residuals, folds, top, threads), key=np.mean)

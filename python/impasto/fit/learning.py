@@ -221,21 +221,24 @@ class LearnedModel:
             )
             options, there = self.fit.options, photographs[inner]
             lobes = maps.result(there, stereo[inner], options.index, coated=options.coated)
-            return self._completed(lobes, there)
+            return self._completed(lobes, there, threads)
         if isinstance(self.fit, LearnedLobe):
             pooled = apply_pooled(self.fit, near, stereo, threads=threads, progress=progress)
-            return self._completed(pooled_sbrdf(self.fit, pooled, near, stereo), photographs)
+            found = pooled_sbrdf(self.fit, pooled, near, stereo)
+            return self._completed(found, photographs, threads)
         if self.pooling == "none":
-            return self._completed(without_gloss(near, stereo), photographs)
+            return self._completed(without_gloss(near, stereo), photographs, threads)
         fitted = fit_lafortune(
             near, stereo, lobes=self.lobes, effort=self.effort, threads=threads, progress=progress
         )
-        return self._completed(fitted, photographs)
+        return self._completed(fitted, photographs, threads)
 
-    def _completed(self, result: Fitted, stack: Stack) -> Fitted:
+    def _completed(self, result: Fitted, stack: Stack, threads: int | None) -> Fitted:
         """A tile's result with what was chosen, the relief and, if wanted, its residuals."""
         result = replace(result, chosen=self.chosen, relief=self.relief)
-        kept = None if self.residuals is None else apply_residuals(self.residuals, stack, result)
+        if self.residuals is None:
+            return result
+        kept = apply_residuals(self.residuals, stack, result, threads=threads)
         return replace(result, residuals=kept)
 
     def save(self, path: str | os.PathLike[str]) -> None:

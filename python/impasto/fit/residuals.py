@@ -9,9 +9,9 @@ residuals, not all of them: they are smaller, and they predict better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +49,8 @@ SEEN = 0.03
 """The same up to which pixels without a model are shown: 2 % darker, and black farther away."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
-ROWS = 32
-"""Rows of a picture that are computed together."""
+ROWS, WIDTH = 32, 1024
+"""Rows of a picture that are computed together, and the width from which on they are fewer."""
 
 _CURVE = Encoding("srgb", white=255.0)
 _STEPS = 16384
@@ -58,6 +58,9 @@ _CODES = _CURVE.encode(np.linspace(0.0, 1.0, _STEPS + 1) ** 2)
 """Codes at equal steps of the square root of light: within 0.012 of a code, in half the time of the
 curve itself."""
 
+Helped: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], float, bool]
+"""A photograph, how each component contributes to it, its full scale, and whether what no model
+shows is interpolated."""
 Fit = Callable[[Stack], Any]
 """Fits photographs and returns a result that can ``predict`` others."""
 
@@ -135,28 +138,27 @@ class Residuals(LearnedResiduals):
         _, beyond = into_hull(stereographic(known.directions), stereographic(wanted.directions))
         near = beyond <= SEEN
         each = zip(shown, weights, wanted.intensities.tolist(), near.tolist(), strict=True)
-        for photograph, row, light, whole in each:
-            if row.any():
-                wait_for(self._add_to, photograph, row.astype(np.float32), light, whole)
+        helped = [
+            (photograph, row.astype(np.float32), light * self.top, whole)
+            for photograph, row, light, whole in each
+            if row.any()
+        ]
+        height, width = self.maps.shape[2:]
+        rows = max(ROWS * WIDTH // max(width, WIDTH), 1)
+        for start in range(0, height if helped else 0, rows):
+            wait_for(self._add_rows, np.s_[:, start : start + rows], helped)
 
-    def _add_to(
-        self,
-        photograph: NDArray[np.float32],
-        weights: NDArray[np.float32],
-        light: float,
-        whole: bool,
-    ) -> None:
-        unit = light * self.top
-        for start in range(0, photograph.shape[1], ROWS):
-            rows = np.s_[:, start : start + ROWS]
+    def _add_rows(self, rows: Any, photographs: Sequence[Helped]) -> None:
+        planes = [plane[rows].astype(np.float32) for plane in self.maps]
+        for photograph, weights, unit, whole in photographs:
             if whole:
                 # Where there is no model, the photographs alone are interpolated.
                 photograph[rows] = np.nan_to_num(photograph[rows], nan=0.0, posinf=np.inf)
             with np.errstate(over="ignore"):  # samples near the largest float32: white
                 model = _CURVE.encode(photograph[rows] / np.float32(unit))
             codes = model.copy()
-            for weight, plane in zip(weights, self.maps, strict=True):
-                codes += weight * plane[rows].astype(np.float32)
+            for weight, plane in zip(weights, planes, strict=True):
+                codes += weight * plane
             change = _CURVE.decode(np.clip(codes, 0.0, 255.0)) - _CURVE.decode(model)
             photograph[rows] += np.float32(unit) * change
 
@@ -285,7 +287,9 @@ def usual_residuals(stack: Stack, result: Any) -> Residuals:
     return _residuals(learned, maps, result)
 
 
-def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Residuals:
+def apply_residuals(
+    learned: LearnedResiduals, stack: Stack, result: Any, *, threads: int | None
+) -> Residuals:
     """The residuals of a tile: of each pixel from its own samples alone.
 
     Parameters
@@ -294,10 +298,12 @@ def apply_residuals(learned: LearnedResiduals, stack: Stack, result: Any) -> Res
         What :func:`learn_residuals` returned for the whole painting.
     stack, result
         The photographs of the tile and their fit.
+    threads
+        None means every allowed core.
     """
     maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
     for index in range(len(stack.rig)):
-        shown = np.nan_to_num(result.modelled(stack.rig.take([index]))[0], nan=0.0)
+        shown = np.nan_to_num(result.modelled(stack.rig.take([index]), threads=threads)[0], nan=0.0)
         wait_for(_accumulate, maps, learned, stack, index, shown)
     return _residuals(learned, maps, result)
 

@@ -355,6 +355,7 @@ def fit_sbrdf(
     result = replace(result, chosen=choice, relief=found)
     if wanted:
         process = learned_residuals(photographs, kind, given, normals, threads, found)
-        kept = None if process is None else apply_residuals(process, photographs, result)
-        result = replace(result, residuals=kept)
+        if process is not None:
+            kept = apply_residuals(process, photographs, result, threads=threads)
+            result = replace(result, residuals=kept)
     return result

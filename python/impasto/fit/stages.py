@@ -108,7 +108,7 @@ def learned_residuals(
         result: Sbrdf = with_relief(known, fit, white, threads=threads)
         return result
 
-    few = reduced(stack, JUDGED)
+    few = reduced(stack, JUDGED, threads=threads)
     return learn_residuals(stack, with_its_own, part=few.stack, truth=few.truth, threads=threads)
 
 
@@ -201,14 +201,18 @@ def chosen_kind(
     def around(known: Stack) -> Relief | None:
         return None if before is None else Relief.of(before[1](known), 1, before[2])
 
-    def fit(known: Stack, candidate: Candidate) -> Sbrdf:
+    def fit(candidate: Candidate) -> Fit:
         options: dict[str, Any] = {**given, **candidate.options}
         tried = fit_kind(kinds[0].model, options.pop("pooling"))
-        relief = around(known)
-        seen = known if relief is None else relief.removed(known, threads=threads)
-        result: Sbrdf = _plain_fit(tried, options, method, threads)(seen)
-        result = replace(result, relief=relief)
-        return replace(result, residuals=usual_residuals(known, result)) if kept else result
+        plain = _plain_fit(tried, options, method, threads)
+
+        def around_it(known: Stack) -> Sbrdf:
+            relief = around(known)
+            seen = known if relief is None else relief.removed(known, threads=threads)
+            result: Sbrdf = replace(plain(seen), relief=relief)
+            return replace(result, residuals=usual_residuals(known, result)) if kept else result
+
+        return around_it
 
     kept = residuals is not False and not _core.views_differ(RigArguments.of(stack.rig))
     poolings = {kind.pooling for kind in kinds}
