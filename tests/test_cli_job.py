@@ -247,7 +247,7 @@ def test_photographs_whose_disk_fails_end_with_a_job_to_resume(
     said = capsys.readouterr().err
     problem = "No such device" if call == "open" else "Input/output error"
     assert f".tif: cannot be read ({problem})" in said
-    assert f"go on with: impasto job resume {out} --memory 1MB" in said
+    assert f"go on with: impasto job resume {out}\n" in said
     assert "Traceback" not in said
     # A name that is wrong is an error of the call, though there is a job to resume.
     wrong = job(path, out, *few, "--mask", str(tmp_path / "nowhere.png"))

@@ -16,11 +16,9 @@ import zarr
 
 import impasto
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
-from impasto.fit.lobes import HALO
 from impasto.io import write_lights, write_png8, write_tiff16
-from impasto.jobs.grid import Footprint, Grid, bytes_of, stride_for, tile_for
+from impasto.jobs.grid import Grid
 from impasto.jobs.journal import read_journal
-from impasto.jobs.learning import border_of, checked_fit
 from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
@@ -560,32 +558,6 @@ def test_a_damaged_journal_is_named(tmp_path: Path) -> None:
     journal.write_bytes(lines[0] + b"{}\n" + lines[2])
     with pytest.raises(CorruptInputError, match=r"journal\.jsonl: is damaged in line 2"):
         impasto.run(stack(), out, **OPTIONS)
-
-
-def test_tiles_follow_from_the_memory() -> None:
-    # 16 lights, 6 bands, 16 bits.
-    pixel = Footprint(samples=192, codes=192, observations=16, bands=6)
-    # Of maps 120 + 6 * 4 * 7 bytes, of residuals 6 * 16 * 2.
-    assert pixel.of_tile(1, 1, border=0) == 768 + 4 * 288 + 6 * 192
-    # Two bordered copies of the samples, and one as they stand in the files.
-    assert pixel.of_tile(64, 64, border=15) == 94**2 * 576 + 64**2 * (192 + 4 * 288 + 6 * 192)
-    for border, side in ((0, 832), (15, 768)):
-        assert tile_for(2**31, pixel, (1, 1), border) == side
-        assert pixel.of_tile(side, side, border) <= 2**31
-        assert pixel.of_tile(side + 64, side + 64, border) > 2**31
-        assert tile_for(2**31, pixel, (512, 512), border) == 512
-        assert tile_for(2**31, pixel, (1, 8192), border) == side
-        assert tile_for(2**40, pixel, (1, 1), border) == 1024
-    assert border_of(checked_fit({})) == border_of(checked_fit({"pooling": "pixel"})) == HALO
-    assert border_of(checked_fit({"pooling": "painting"})) == 0
-    assert border_of(checked_fit({"model": "lafortune"})) == 0
-    assert stride_for(2**31, pixel, (1000, 1000), 1) == 1
-    assert stride_for(2**31, pixel, (1000, 1000), 3) == 3
-    # 672 bytes of each pixel that is learned from: 3,196,000 fit, every 18.3th row and column.
-    assert stride_for(2**31, pixel, (32768, 32768), 1) == 19
-    assert bytes_of("4GiB") == 2**32
-    assert bytes_of("1.5 MB") == 1_500_000
-    assert bytes_of(7) == 7
 
 
 def test_a_job_without_zarr_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -198,7 +198,7 @@ def resume(
     out: Annotated[Path, Parameter(name=["OUT"])],
     /,
     *,
-    memory: str = MEMORY,
+    memory: str | None = None,
     scheduler: str | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,
@@ -210,7 +210,7 @@ def resume(
     out
         The --out of impasto job run.
     memory
-        For samples and maps, without the program; tiles keep their size.
+        For samples and maps, without the program; default: what the job had. Tiles keep their size.
     scheduler
         Of a Dask cluster that fits the tiles; its address or its file.
     threads
@@ -246,7 +246,8 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
 
     found = jobs.status(out)
     if json:
-        console.print_json(asdict(found) | {"folder": str(found.folder)})
+        model = _learned_words(found.folder)
+        console.print_json(asdict(found) | {"folder": str(found.folder), "model": model})
         return Exit.OK
     working = "" if found.phase is None else f", process {found.process}, {PHASES[found.phase]}"
     rows = {"state": f"{found.state}{working}"}
@@ -266,6 +267,8 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
     ):
         rows["pace"] = _pace_words(found.pixels_per_second)
         rows["left"] = time_words(found.seconds_left)
+    if found.memory is not None:
+        rows["memory"] = f"{found.memory / 2**30:.3g} GiB"
     if found.state == "interrupted":
         rows["resume"] = resume_words(out)
     page = console.stdout()
@@ -423,7 +426,7 @@ def rerun(
 
 def _worked(
     out: Path,
-    memory: str,
+    memory: str | None,
     quiet: bool,
     scheduler: str | None,
     work: Callable[[ProgressCallback, Client | None], Path],
@@ -449,23 +452,23 @@ def _worked(
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
-        say_how_to_resume(out, memory, scheduler)
+        say_how_to_resume(out, scheduler)
         return Exit.INTERRUPTED
     except ClusterError as error:
         console.complain(str(error))
-        say_how_to_resume(out, memory, scheduler)
+        say_how_to_resume(out, scheduler)
         return Exit.PARTIAL
     except OSError as error:
         if not is_resumable(out) or error.errno is None:
             raise
         console.complain(os_words(error))
-        say_how_to_resume(out, memory, scheduler)
+        say_how_to_resume(out, scheduler)
         return Exit.PARTIAL
     except ArgumentError as error:
         if not is_of_a_disk(error, begun=pace.begun) or not is_resumable(out):
             raise
         console.complain(str(error))
-        say_how_to_resume(out, memory, scheduler)
+        say_how_to_resume(out, scheduler)
         return Exit.PARTIAL
     except MemoryError:
         return say_how_to_take_less(out, memory, scheduler)

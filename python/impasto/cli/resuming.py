@@ -31,10 +31,10 @@ def is_resumable(out: Path) -> bool:
         return False
 
 
-def say_how_to_resume(out: Path, memory: str, scheduler: str | None) -> None:
+def say_how_to_resume(out: Path, scheduler: str | None) -> None:
     """The command that goes on, where there is something to go on with."""
     if is_resumable(out):
-        console.hint(f"go on with: {resume_words(out, memory, scheduler)}")
+        console.hint(f"go on with: {resume_words(out, scheduler=scheduler)}")
 
 
 def os_words(error: OSError) -> str:
@@ -51,16 +51,22 @@ def is_of_a_disk(error: ArgumentError, *, begun: bool) -> bool:
     return isinstance(cause, OSError) and (begun or cause.errno not in OF_A_NAME)
 
 
-def say_how_to_take_less(out: Path, memory: str, scheduler: str | None) -> int:
-    """Half of the memory that was not there, and tiles of another size by a new job."""
+def say_how_to_take_less(out: Path, memory: str | None, scheduler: str | None) -> int:
+    """Half of the memory that was not there, and tiles of another size by a new job.
+
+    ``memory``: what was asked for; None: what the job had.
+    """
+    from impasto.jobs import status
+
     if not is_resumable(out):
-        console.complain(f"not enough memory: {less_than(memory)}")
+        console.complain(f"not enough memory: {less_than(memory or MEMORY)}")
         return Exit.USER_ERROR
+    had = memory or status(out).memory or MEMORY
     console.complain(
         "not enough memory; the tiles of this job keep their size: if less for the rest does not "
         "do, begin anew with smaller tiles (impasto job run --no-resume --tile)"
     )
-    console.hint(f"go on with: {resume_words(out, _half_of(memory), scheduler)}")
+    console.hint(f"go on with: {resume_words(out, _half_of(had), scheduler)}")
     return Exit.PARTIAL
 
 
@@ -69,7 +75,7 @@ def less_than(memory: str) -> str:
     return f"give less than {memory}, such as --memory {_half_of(memory)}"
 
 
-def _half_of(memory: str) -> str:
+def _half_of(memory: str | int) -> str:
     from impasto.jobs.grid import bytes_of
 
     return f"{max(bytes_of(memory) >> 21, 1)}MiB"
@@ -94,10 +100,10 @@ def say_how_to_repair(out: Path, files: list[Path]) -> None:
     console.hint(f"made again, from the photographs, by: {rename}{resume_words(out)}")
 
 
-def resume_words(out: Path, memory: str = MEMORY, scheduler: str | None = None) -> str:
-    """The command that goes on with a job; options that are the defaults are not named."""
+def resume_words(out: Path, memory: str | None = None, scheduler: str | None = None) -> str:
+    """The command that goes on with a job, with the memory that it had where none is given."""
     words = ["impasto", "job", "resume", str(out)]
-    if memory != MEMORY:
+    if memory is not None:
         words += ["--memory", memory]
     if scheduler is not None:
         words += ["--scheduler", scheduler]

@@ -20,6 +20,7 @@ from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK
+from impasto.jobs.memory import MEMORY
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 
@@ -285,6 +286,7 @@ def finish(
     own = (f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))
     entries.files = crcs | {name: checksum(partial / name) for name in own}
     atomic_bytes(notes / JOURNAL, entries.to_bytes(grid))
-    (notes / PACE).unlink(missing_ok=True)
+    for name in (PACE, MEMORY):
+        (notes / name).unlink(missing_ok=True)
     with as_problem_of(partial):
         sync_folders(partial)

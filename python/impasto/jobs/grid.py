@@ -125,15 +125,17 @@ class Footprint:
         """At most, of the components of residuals that are kept, in half precision."""
         return 2 * self.bands * min(COMPONENTS[-1], self.observations)
 
-    def of_tile(self, rows: int, columns: int, border: int) -> int:
+    def of_tile(self, tile: tuple[int, int], read: tuple[int, int]) -> int:
         """Of a tile while it is fitted, the next one is read and the last two become files.
+
+        Given are rows and columns, also of what is ``read`` for it: those of its border, too.
 
         Two tiles of samples with a border and a copy without it; two of maps, the files that are
         made of one, and those that are written. Residuals are computed in single precision.
         """
-        bordered = (2 * self.samples + self.codes) * (rows + 2 * border) * (columns + 2 * border)
+        bordered = (2 * self.samples + self.codes) * math.prod(read)
         inner = self.samples + 4 * self.maps + 6 * self.residuals
-        return bordered + inner * rows * columns
+        return bordered + inner * math.prod(tile)
 
     @property
     def learned(self) -> int:
@@ -156,11 +158,15 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int], border: int
         Pixels around a tile that its fit needs.
     """
     sides = range(STEP, MOST + 1, STEP)
-    fitting = [side for side in sides if pixel.of_tile(side, side, border) <= memory]
+
+    def needed(side: int) -> int:
+        return pixel.of_tile((side, side), (side + 2 * border, side + 2 * border))
+
+    fitting = [side for side in sides if needed(side) <= memory]
     if not fitting:
         raise ArgumentError(
             f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
-            f"{_in_words(2 * pixel.of_tile(STEP, STEP, border))}, found {_in_words(2 * memory)}"
+            f"{_in_words(2 * needed(STEP))}, found {_in_words(2 * memory)}"
         )
     side = fitting[-1]
     both = math.lcm(STEP, *source)

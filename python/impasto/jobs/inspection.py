@@ -34,6 +34,7 @@ from impasto.jobs.grid import Grid, Tile
 from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK, holder
+from impasto.jobs.memory import MEMORY, kept_memory
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 from impasto.report import file_entry
@@ -42,6 +43,8 @@ SHARD = r"(levels/2/)?[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{
 """Names of the files of a tile in a store: its maps, also at half their scale, and statistics."""
 ALIKE = 0.75
 """How much of a name must be that of a job before this is asked for."""
+UNFINISHED = (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE, MEMORY)
+"""Files of the notes of a job that is not finished."""
 RECENT = 20
 """Last tiles from which the pace of a job is taken."""
 
@@ -76,6 +79,9 @@ class JobStatus:
         Of the last tiles; None where none is known.
     seconds_left
         For the other pixels at this pace; None where it is not known, 0 of a finished job.
+    memory
+        Bytes that it may take, or could when it was interrupted, and takes again if it is resumed;
+        None where it is not known, and of a finished job.
     notes
         What was repaired, left out or assumed while the photographs were read: kind and text.
     reads_files
@@ -95,6 +101,7 @@ class JobStatus:
     bytes_to_read: int | None
     pixels_per_second: float | None
     seconds_left: float | None
+    memory: int | None
     notes: tuple[tuple[str, str], ...]
     reads_files: bool
 
@@ -118,7 +125,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     if not (partial / NOTES / RECORD).exists() and (process := holder(partial / NOTES)) is not None:
         return JobStatus(
             partial, "running", process, "reading", 0, 0, 0, 0, *_bytes_read(partial / NOTES),
-            None, None, (), True,
+            None, None, None, (), True,
         )  # fmt: skip
     folder, whole = folder_of(out)
     notes = folder / NOTES
@@ -145,6 +152,7 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         *((None, None) if process is None else _bytes_read(notes)),
         pace,
         0.0 if whole else left,
+        None if whole else kept_memory(notes),
         tuple((str(kind), str(text)) for kind, text in record.notes),
         record.source is not None,
     )
@@ -306,7 +314,7 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
                 yield Finding(str(notes / NUMBERS), problem)
         if not missing or holder(notes) is not None:
             return  # the files beside the tiles are being written, or will be in a moment
-        own |= {f"{NOTES}/{name}" for name in (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE)}
+        own |= {f"{NOTES}/{name}" for name in UNFINISHED}
     for finding in others(folder, own):
         name = Path(finding.file).relative_to(folder).as_posix()
         if whole or not _of_a_tile(name, missing):

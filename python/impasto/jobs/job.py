@@ -44,6 +44,7 @@ from impasto.jobs.grid import (
 from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, border_of, checked_fit, learned_from
 from impasto.jobs.lock import release
+from impasto.jobs.memory import DEFAULT, keep_memory
 from impasto.jobs.photographs import (
     Photographs,
     check_source,
@@ -63,7 +64,7 @@ def run(
     source: str | os.PathLike[str] | Stack | Photographs,
     out: str | os.PathLike[str],
     *,
-    memory: str | int = "4GiB",
+    memory: str | int = DEFAULT,
     resume: bool = True,
     tile: int | None = None,
     sample: int | None = None,
@@ -285,6 +286,7 @@ def _carried_out(
         inputs = record.inputs or own.hashes(photographs)
         _refuse_changed(photographs)
         atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
+        keep_memory(notes, memory)
         with as_problem_of(partial):
             sync_folder(partial)
             sync_folder(partial.parent)
@@ -300,8 +302,10 @@ def _carried_out(
             model = learn(check)
             written.result()
         model.save(notes / LEARNED)
-    elif not (notes / LEARNED).exists():
-        learn().save(notes / LEARNED)
+    else:
+        keep_memory(notes, memory)
+        if not (notes / LEARNED).exists():
+            learn().save(notes / LEARNED)
     model = load_learned(notes / LEARNED)
     grid = record.grid
     with (

@@ -52,8 +52,8 @@ OWN = ("lobes", "ambient", "coated", "extraction", "peak", "joint", "index")
 
 def border_of(fit: Mapping[str, Any]) -> int:
     """Most pixels around a tile that a fit with these options needs: where seeds may lie."""
-    seeds = fit["model"] == "torrance-sparrow" and fit["pooling"] in ("auto", "pixel")
-    return HALO if seeds else 0
+    own_lobes = fit["model"] == "torrance-sparrow" and fit["pooling"] in ("auto", "pixel")
+    return HALO if own_lobes and fit["effort"]["start"] != "multistart" else 0
 
 
 def checked_fit(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from impasto.jobs.grid import bytes_of
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
 from impasto.jobs.learning import border_of
+from impasto.jobs.memory import DEFAULT, kept_memory
 from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord
 from impasto.stack import Stack
@@ -40,7 +41,7 @@ def resume(
     out: str | os.PathLike[str],
     *,
     source: Stack | Photographs | None = None,
-    memory: str | int = "4GiB",
+    memory: str | int | None = None,
     client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -53,9 +54,10 @@ def resume(
         The ``out`` of :func:`impasto.run`.
     source
         The stack, if the job is one of a stack in memory.
-    memory, client, threads, progress
-        As in :func:`impasto.run`, whether the job began with a client or not; the tiles keep
-        their size.
+    memory
+        As in :func:`impasto.run`; default: what the job had. The tiles keep their size.
+    client, threads, progress
+        As in :func:`impasto.run`, whether the job began with a client or not.
 
     Returns
     -------
@@ -77,6 +79,8 @@ def resume(
         check_finished(folder, record.grid)
         return folder
     target = checked_target(out)
+    if memory is None:
+        memory = kept_memory(folder / NOTES) or DEFAULT
     return _repeated(record, target, source, target, memory, client, threads, progress)
 
 
@@ -85,7 +89,7 @@ def rerun(
     into: str | os.PathLike[str],
     *,
     source: Stack | Photographs | None = None,
-    memory: str | int = "4GiB",
+    memory: str | int = DEFAULT,
     client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -98,8 +102,10 @@ def rerun(
         The finished store.
     into
         The new one, which does not exist yet, or was begun by an earlier call.
-    source, memory, client, threads, progress
+    source, client, threads, progress
         As in :func:`resume`.
+    memory
+        As in :func:`impasto.run`.
 
     Returns
     -------
@@ -183,9 +189,10 @@ def _repeated(
 def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) -> None:
     """The tiles of a job keep their size: with less memory they take more than they may."""
     sides = min(record.tile, record.shape[2]), min(record.tile, record.shape[3])
-    # A tile that holds the whole painting has no border.
-    border = 0 if sides == record.shape[2:] else border_of(record.fit)
-    needed = photographs.pixel.of_tile(*sides, border)
+    border = border_of(record.fit)
+    # As far as the painting reaches.
+    rows, columns = (min(s + 2 * border, n) for s, n in zip(sides, record.shape[2:], strict=True))
+    needed = photographs.pixel.of_tile(sides, (rows, columns))
     if needed > memory:
         warnings.warn(
             f"memory: tiles of this job have {sides[0]} x {sides[1]} pixels and need "
