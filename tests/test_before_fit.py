@@ -81,10 +81,10 @@ def test_the_check_can_be_had_in_python() -> None:
     stack = captured(3)
     wrong = lit(stack, stack.rig.directions * [1, -1, 1])
     with pytest.raises(ArgumentError, match=r"mirrored top to bottom .*\(use \(x, -y, z\)"):
-        fit_sbrdf(wrong, effort="draft", check=True)
-    fitted = fit_sbrdf(stack, effort="draft", check=True)
-    np.testing.assert_array_equal(fitted.normal, fit_sbrdf(stack, effort="draft").normal)
-    assert np.isfinite(fit_sbrdf(wrong, effort="draft").normal).any()
+        fit_sbrdf(wrong, pooling="painting", check=True)
+    fitted = fit_sbrdf(stack, pooling="painting", check=True)
+    np.testing.assert_array_equal(fitted.normal, fit_sbrdf(stack, pooling="painting").normal)
+    assert np.isfinite(fit_sbrdf(wrong, pooling="painting").normal).any()
     with pytest.raises(ArgumentError, match="check: expected"):
         fit_sbrdf(stack, check="no")  # type: ignore[call-overload]
 
@@ -139,7 +139,7 @@ def test_no_check_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     stack = captured(3)
     wrong = lit(stack, stack.rig.directions * [1, -1, 1])
     write_stack(tmp_path / "s.npz", wrong)
-    words = ["fit", str(tmp_path / "s.npz"), "--out", str(tmp_path / "out"), "--effort", "draft"]
+    words = ["fit", str(tmp_path / "s.npz"), "--out", str(tmp_path / "out"), "--pooling", "none"]
     assert main(words) == 1
     # A light file cannot repair an archive.
     assert "impasto doctor says more" in capsys.readouterr().err

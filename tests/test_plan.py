@@ -143,7 +143,7 @@ def scenes(draw: st.DrawFn, faint: bool = False) -> tuple[impasto.Surface, impas
 
 
 @pytest.mark.filterwarnings("ignore:normal")  # of other lengths, on purpose
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None, derandomize=True)
 @given(scenes())
 def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
     case: tuple[impasto.Surface, impasto.Scene],
@@ -166,7 +166,7 @@ def test_without_a_tolerance_a_planned_picture_has_the_bits_of_the_forced_one(
 def test_planned_pictures_stay_within_their_tolerance() -> None:
     left_out: list[bool] = []
 
-    @settings(max_examples=150, deadline=None, derandomize=True)
+    @settings(max_examples=100, deadline=None, derandomize=True)
     @given(
         st.booleans().flatmap(lambda faint: scenes(faint)),
         st.sampled_from(("dE:0.5", "dE:3", "code:1", "code:5")),

@@ -195,15 +195,28 @@ def test_other_formats_are_refused_with_what_works(
         ("index", float("nan")),
         ("index", "1.45"),
         ("normals", np.zeros((3, 4, 4))),
-        ("method", "magic"),
+        ("normals", "magic"),
         ("threads", 0),
         ("progress", 3),
+        ("residuals", "yes"),
+        ("refine", "yes"),
+        ("relief", "yes"),
+        ("effort", "most"),
     ],
 )
-def test_a_wrong_argument_is_named(clean: impasto.Stack, argument: str, value: Any) -> None:
-    key = "normals" if argument == "method" else argument
-    with pytest.raises(impasto.ArgumentError, match=argument):
-        impasto.fit_sbrdf(clean, **{key: value})
+def test_a_wrong_argument_is_named_before_any_work(
+    clean: impasto.Stack, argument: str, value: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def work(*_: Any, **__: Any) -> None:
+        raise AssertionError("a fit has begun")
+
+    for numerics in ("fit_normals", "learn_normals", "fit_lobes", "learn_pooled"):
+        monkeypatch.setattr(impasto._core, numerics, work)
+    for fit in (impasto.fit_sbrdf, impasto.learn_sbrdf):
+        if fit is impasto.learn_sbrdf and isinstance(value, np.ndarray):
+            continue
+        with pytest.raises(impasto.ArgumentError, match=argument):
+            fit(clean, **{argument: value})
 
 
 def test_normals_of_another_stack_are_refused(clean: impasto.Stack) -> None:

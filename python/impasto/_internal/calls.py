@@ -70,14 +70,19 @@ def reporting(
     A bar is gone when the block ends, however it ends. It says how much time is left where the
     first total counts the ``whole`` work.
     """
+    check_progress(progress)
     if progress is False or progress is None:
         yield None
     elif callable(progress):
         yield progress
-    elif progress is True:
+    else:
         with _bar(description, whole) as update:
             yield update
-    else:
+
+
+def check_progress(progress: bool | ProgressCallback | None) -> None:
+    """Refuse what is neither True, False nor a callable; None counts as False."""
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise ArgumentError(
             f"progress: expected True, False or a callable (done, total), found {progress!r}"
         )

@@ -20,13 +20,12 @@ from impasto.fit.lobes import LobeSbrdf
 from impasto.fit.normals import Method, Normals
 from impasto.fit.options import Model, Pooling, fit_kinds
 from impasto.fit.pooled import Extraction, PooledSbrdf
-from impasto.fit.residuals import (
-    apply_residuals,
-)
+from impasto.fit.residuals import apply_residuals
 from impasto.fit.result import Sbrdf
 from impasto.fit.segments import SegmentSbrdf, checked_labels
 from impasto.fit.stages import (
     Fitted,
+    check_circumstances,
     checked_normals,
     checked_options,
     chosen_kind,
@@ -301,6 +300,7 @@ def fit_sbrdf(
         options = {name: value for name, value in locals().items() if name != "stack"}
         return stack.fitted_sbrdf(**options)
     checked_stack(stack)
+    check_circumstances(normals, residuals, threads, progress)
     relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):
         from impasto.doctor.before_fit import refuse_faults

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, get_args
 
 from impasto import _core
 from impasto._internal.border import RigArguments
-from impasto._internal.calls import ProgressCallback
+from impasto._internal.calls import ProgressCallback, check_progress, thread_count
 from impasto._internal.checks import one_of, refractive_index, truth
 from impasto._internal.waiting import wait_for
 from impasto.effort import Effort, resolved
@@ -27,7 +27,7 @@ from impasto.fit.learned_relief import (
     with_relief,
 )
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
-from impasto.fit.normals import LearnedNormals, Method, Normals, fit_normals
+from impasto.fit.normals import METHODS, LearnedNormals, Method, Normals, fit_normals
 from impasto.fit.options import FitKind, fit_kind
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
 from impasto.fit.relief import Relief
@@ -42,6 +42,21 @@ Chosen: TypeAlias = tuple[Choice | None, FitKind, dict[str, Any]]
 """How a fit was chosen, the fit and its options."""
 Fitted: TypeAlias = PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf
 """Every kind of result."""
+
+
+def check_circumstances(
+    normals: Normals | Method | None,
+    residuals: bool | None,
+    threads: int | None,
+    progress: bool | ProgressCallback,
+) -> None:
+    """Refuse what no fit takes, before minutes of work on the rig and the choice."""
+    if isinstance(normals, str):
+        one_of(normals, METHODS, "normals")
+    if residuals is not None:
+        truth(residuals, "residuals")
+    thread_count(threads)
+    check_progress(progress)
 
 
 def relief_wanted(relief: bool | None, choice: Choice | None) -> bool:
