@@ -49,6 +49,18 @@ CHOICE: Any = {"refine": False, "relief": False}
 """What is looked for before the choice, and takes longer."""
 
 
+def test_threads_change_no_bit_of_what_is_chosen() -> None:
+    """With folds side by side, residuals and a relief that is looked for."""
+    stack = photographs("satin", 12, 20)
+    one, two = (
+        impasto.fit_sbrdf(stack, residuals=True, relief=True, threads=count)._saved()
+        for count in (1, 2)
+    )
+    assert one.keys() == two.keys()
+    for name, array in one.items():
+        assert array.tobytes() == two[name].tobytes(), name
+
+
 def test_one_gloss_and_few_lights_ask_for_one_lobe() -> None:
     fitted = impasto.fit_sbrdf(photographs("gloss", 9, EDGE), **CHOICE)
     assert isinstance(fitted, impasto.PooledSbrdf)

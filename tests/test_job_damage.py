@@ -52,7 +52,7 @@ def flip(path: Path, place: str, rng: np.random.Generator) -> None:
 
 ALONE = ("job/job.json", "job/journal.jsonl")
 """What is compared with these files cannot be compared where they are damaged."""
-NO_RESULT = ("job/pace.jsonl", "job/lock")
+NO_RESULT = ("job/pace.jsonl", "job/lock", "job/memory.json")
 
 
 @pytest.mark.parametrize("place", ["first", "last", "any"])

@@ -13,12 +13,13 @@ import pytest
 import impasto
 from impasto import ImpastoWarning, jobs
 from impasto.cli import main
+from impasto.cli.resuming import DEFAULT_MEMORY
 from impasto.fit.lobes import HALO
 from impasto.io import write_stack
-from impasto.jobs import repeat
+from impasto.jobs import beginning, repeat
 from impasto.jobs.grid import Footprint, bytes_of, stride_for, tile_for
 from impasto.jobs.learning import border_of, checked_fit
-from impasto.jobs.memory import MEMORY
+from impasto.jobs.memory import DEFAULT, MEMORY
 from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 
@@ -90,14 +91,25 @@ def test_a_job_goes_on_with_the_memory_that_it_had(
     assert tree(unfinished) == tree(whole)
 
 
-def test_another_memory_is_kept_instead(unfinished: Path, budgets: list[int]) -> None:
-    with interrupting(5) as stop:
-        jobs.resume(unfinished, memory="80MiB", progress=stop)
+def test_another_memory_is_kept_instead(
+    unfinished: Path, budgets: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    # From the first moment: photographs are hashed for hours.
+    with monkeypatch.context() as patched:
+        patched.setattr(beginning.Beginning, "hashes", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            jobs.resume(unfinished, memory="80MiB")
+    assert jobs.status(unfinished).memory == 80 << 20
     jobs.resume(unfinished)
-    assert budgets == [80 << 20, 80 << 20]
+    assert budgets == [80 << 20]
 
 
-@pytest.mark.parametrize("text", [None, "", "{}", "[1]", '{"bytes": "many"}', '{"bytes": -1}'])
+@pytest.mark.parametrize(
+    "text", [None, "", "{}", "[1]", '{"bytes": "many"}', '{"bytes": 1e999}', '{"bytes": -1}']
+)
 def test_a_job_that_does_not_say_its_memory_has_the_default(
     text: str | None, unfinished: Path, budgets: list[int]
 ) -> None:
@@ -107,7 +119,8 @@ def test_a_job_that_does_not_say_its_memory_has_the_default(
         kept.write_text(text)
     assert jobs.status(unfinished).memory is None
     jobs.resume(unfinished)
-    assert budgets == [bytes_of("4GiB")]
+    assert budgets == [bytes_of(DEFAULT)]
+    assert DEFAULT == DEFAULT_MEMORY, "and the command line says so without looking it up"
 
 
 def test_the_command_line_shows_the_memory_and_the_model(

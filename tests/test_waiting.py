@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import impasto
+import impasto._internal.pools as pools
 import impasto._internal.waiting as waiting
 from circumstances import capture
 from impasto._internal.waiting import floats, wait_for, wait_for_each
@@ -164,6 +165,19 @@ def test_the_first_error_of_steps_is_raised() -> None:
         wait_for_each(step, range(3), 2)
     with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
         wait_for_each(lambda one: np.divide(1.0, one), [np.ones(2), np.zeros(2)], 2)
+
+
+def test_steps_without_memory_for_their_end_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(Future[Any]):
+        def set_result(self, result: Any) -> None:
+            raise MemoryError
+
+    monkeypatch.setattr(pools, "Future", Full)
+    monkeypatch.setattr(pools.Pool, "shutdown", lambda *_, **__: None)  # whose end is one, too
+    steps: list[int] = []
+    with pytest.raises(MemoryError):
+        wait_for_each(steps.append, range(3), 2)
+    assert sorted(steps) == [0, 1, 2], "the threads go on"
 
 
 @pytest.mark.usefixtures("heard")

@@ -3,7 +3,8 @@
     python benches/python/default.py [--size 1024] [--only STACK] [--record]
 
 Each call runs in a process of its own; times are processor seconds on one thread, the least of two,
-or in ``threads`` seconds of a clock on one thread and on two, which need two idle cores.
+or in ``threads`` seconds of a clock on one thread and on two, which need two idle cores; BLAS has
+one thread.
 ``pixel`` is ``pooling="pixel", refine=False``; ``rig`` is ``refine_rig`` alone, which the default
 contains, as it does the choice, the relief and what the model leaves. What is learned comes from a
 sample, so that a larger painting takes no longer for it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures import wait as wait_for_all
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from threading import Event, Lock
 from typing import Any, ParamSpec, TypeAlias, TypeVar
@@ -99,12 +99,14 @@ class Pool(Executor):
 def _do(future: Future[Any], act: Callable[[], Any]) -> None:
     if not future.set_running_or_notify_cancel():
         return
-    try:
-        found = act()
-    except BaseException as error:
-        future.set_exception(error)
-    else:
-        future.set_result(found)
+    # Without memory to say what was found the thread goes on: others wait for what comes next.
+    with suppress(MemoryError):
+        try:
+            found = act()
+        except BaseException as error:
+            future.set_exception(error)
+        else:
+            future.set_result(found)
 
 
 class Stop:

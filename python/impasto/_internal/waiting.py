@@ -12,7 +12,8 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
-from typing import Any, ParamSpec, TypeVar
+from contextlib import suppress
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,8 +81,9 @@ def wait_for_each(
     """``step`` of every item, on at most so many threads at once; Ctrl-C leaves them to themselves.
 
     Unlike those of :func:`wait_for` the steps may call the numerics, which then do not hear of
-    Ctrl-C: none takes longer than a second or two, and those that have not begun never do. On one
-    thread, or where none can be started, the caller takes all steps.
+    Ctrl-C: none takes longer than a second or two. After Ctrl-C, or an error of one of them, those
+    that have begun go on to their end, and no other begins. On one thread, or where none can be
+    started, the caller takes all steps.
 
     Returns
     -------
@@ -94,35 +96,51 @@ def wait_for_each(
     try:
         handed = [_handed(pool, step, item) for item in items]
         return [
-            step(item) if future is None else _awaited(future)
-            for item, future in zip(items, handed, strict=True)
+            step(item) if one is None else one.awaited()
+            for item, one in zip(items, handed, strict=True)
         ]
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
     finally:
-        pool.shutdown(wait=False)
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _handed(pool: Pool, step: Callable[[Item], Found], item: Item) -> Future[Found] | None:
+def _handed(pool: Pool, step: Callable[[Item], Found], item: Item) -> _Handed[Found] | None:
     """The step on one of the pool's threads; None where the system gives none."""
-    try:
-        future = pool.submit(contextvars.copy_context().run, step, item)
-    except MemoryError:
-        return None
-    _UNDER_WAY.add(future)
-    future.add_done_callback(_UNDER_WAY.discard)
-    return future
+    context = contextvars.copy_context()  # numpy's error state among others
+    with suppress(MemoryError):
+        return _Handed(pool, lambda: context.run(step, item))
+    return None
 
 
-def _awaited(future: Future[Found]) -> Found:
-    while True:
-        try:
-            return future.result(HEARTBEAT)
-        except TimeoutError:
-            if future.done():
-                # At the last moment; or its own error.
-                return future.result()
+class _Handed(Generic[Found]):
+    """A step that a thread of a pool takes."""
+
+    def __init__(self, pool: Pool, step: Callable[[], Found]) -> None:
+        self._ended = False
+
+        def work() -> Found:
+            under_way: Future[None] = Future()
+            _UNDER_WAY.add(under_way)
+            try:
+                return step()
+            finally:
+                under_way.set_result(None)
+                _UNDER_WAY.discard(under_way)
+                self._ended = True
+
+        self._outcome = pool.submit(work)
+
+    def awaited(self) -> Found:
+        """What the step returns; what it raises is raised here."""
+        while True:
+            ended = self._ended
+            try:
+                return self._outcome.result(HEARTBEAT)
+            except TimeoutError:
+                if self._outcome.done():
+                    # At the last moment; or its own error.
+                    return self._outcome.result()
+                if ended:  # a heartbeat ago, without memory to say what it found
+                    raise MemoryError from None
 
 
 _UNDER_WAY: set[Future[Any]] = set()

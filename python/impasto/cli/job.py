@@ -23,7 +23,7 @@ from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.cli.resuming import (
-    MEMORY,
+    DEFAULT_MEMORY,
     files_words,
     is_of_a_disk,
     is_resumable,
@@ -75,7 +75,7 @@ def run(
     /,
     *,
     out: Path,
-    memory: str = MEMORY,
+    memory: str = DEFAULT_MEMORY,
     tile: SomeWhole = None,
     sample: SomeWhole = None,
     precision: Precision = "single",
@@ -374,7 +374,7 @@ def rerun(
     /,
     *,
     into: Path,
-    memory: str = MEMORY,
+    memory: str = DEFAULT_MEMORY,
     scheduler: str | None = None,
     threads: SomeWhole = None,
     quiet: Flag = False,

@@ -10,7 +10,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.errors import ArgumentError
 
-MEMORY = "4GiB"
+DEFAULT_MEMORY = "4GiB"
 """What a job takes that is given no other memory."""
 OF_A_NAME = {
     *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG),
@@ -59,9 +59,9 @@ def say_how_to_take_less(out: Path, memory: str | None, scheduler: str | None) -
     from impasto.jobs import status
 
     if not is_resumable(out):
-        console.complain(f"not enough memory: {less_than(memory or MEMORY)}")
+        console.complain(f"not enough memory: {less_than(memory or DEFAULT_MEMORY)}")
         return Exit.USER_ERROR
-    had = memory or status(out).memory or MEMORY
+    had = memory or status(out).memory or DEFAULT_MEMORY
     console.complain(
         "not enough memory; the tiles of this job keep their size: if less for the rest does not "
         "do, begin anew with smaller tiles (impasto job run --no-resume --tile)"

@@ -268,7 +268,7 @@ def predicted(
     """
 
     def of(fold: Fold) -> dict[tuple[float, float], NDArray[np.float64]]:
-        shown = shown_by_process(fit(fold.known), fold.rig)
+        shown = shown_by_process(fit(fold.known), fold.rig, threads)
         return {process: decibels(one, fold.compared, top) for process, one in shown.items()}
 
     each = wait_for_each(of, folds, thread_count(threads))
@@ -295,9 +295,11 @@ def under_varnish(tried: Sequence[Candidate], each: Sequence[Predicted]) -> list
     ]
 
 
-def shown_by_process(result: Any, rig: Rig) -> dict[tuple[float, float], NDArray[np.float32]]:
+def shown_by_process(
+    result: Any, rig: Rig, threads: int | None
+) -> dict[tuple[float, float], NDArray[np.float32]]:
     """What a fit predicts: the model alone (zeros), and with residuals by their process."""
-    model = result.predict(rig, fidelity="model")
+    model = result.predict(rig, fidelity="model", threads=threads)
     found = {(0.0, 0.0): model}
     if result.residuals is not None:
         for process in PROCESSES:

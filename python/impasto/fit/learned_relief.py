@@ -270,6 +270,6 @@ def _judged(fit: Fit, folds: Sequence[Fold], threads: int | None) -> NDArray[np.
 
     def with_residuals(known: Stack) -> Any:
         result = fit(known)
-        return replace(result, residuals=usual_residuals(known, result))
+        return replace(result, residuals=usual_residuals(known, result, threads))
 
     return max(predicted(with_residuals, folds, top, threads), key=np.mean)

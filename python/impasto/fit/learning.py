@@ -30,7 +30,7 @@ from impasto.fit.residuals import LearnedResiduals, apply_residuals
 from impasto.fit.saved import arrays_of
 from impasto.fit.stages import (
     Fitted,
-    check_circumstances,
+    check_arguments,
     checked_options,
     chosen_kind,
     learned_relief,
@@ -331,7 +331,7 @@ def learn_sbrdf(
     """
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")
-    check_circumstances(normals, residuals, threads, progress)
+    check_arguments(normals, residuals, threads, progress)
     size = _extent(extent, stack)
     whole = size == stack.shape[2:]
     if relief and not whole:

@@ -222,11 +222,11 @@ def learn_residuals(
         result = fit(fold.known)
         units, compared = top * fold.rig.intensities, fold.compared
         limit = _coded_by(np.broadcast_to(ceiling, compared.shape), units)
-        model = _coded_by(result.predict(fold.rig), units)
+        model = _coded_by(result.predict(fold.rig, threads=threads), units)
         real = np.minimum(_coded_by(compared, units), limit)
         real[np.isnan(compared)] = np.nan
         alone = psnr(np.minimum(model, limit), real)
-        residual = _residual_codes(fold.known, result, top)
+        residual = _residual_codes(fold.known, result, top, threads)
         basis = principal_components(residual)
         scores = np.tensordot(basis, residual, axes=1)
         places = stereographic(fold.known.rig.directions), stereographic(fold.rig.directions)
@@ -238,7 +238,7 @@ def learn_residuals(
                 better = psnr(np.clip(model + change, 0.0, limit), real) - alone
                 gains.setdefault((length, noise, count), []).append(better)
     every = {setting: np.concatenate(each) for setting, each in gains.items()}
-    residual = _residual_codes(part, fit(part), top)
+    residual = _residual_codes(part, fit(part), top, threads)
     basis = principal_components(residual)
     setting = _best(every, _enough(residual, basis))
     gain, scatter = float(every[setting].mean()), float(every[setting].std())
@@ -273,13 +273,13 @@ def _enough(residual: NDArray[np.float32], basis: NDArray[np.float64]) -> int:
     return next((count for count in COMPONENTS if count >= fewest), COMPONENTS[-1])
 
 
-def usual_residuals(stack: Stack, result: Any) -> Residuals:
+def usual_residuals(stack: Stack, result: Any, threads: int | None) -> Residuals:
     """Residuals with usual numbers, for comparing fits that will have their own.
 
     Of few pixels: codes of all photographs are held at once.
     """
     top = _top(stack)
-    codes = _residual_codes(stack, result, top)
+    codes = _residual_codes(stack, result, top, threads)
     learned = LearnedResiduals(principal_components(codes), *PROCESSES[0], top, 0.0)
     maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
     for index, photograph in enumerate(codes):
@@ -363,10 +363,12 @@ def _project(
         plane += weight * codes
 
 
-def _residual_codes(stack: Stack, result: Any, top: float) -> NDArray[np.float32]:
+def _residual_codes(
+    stack: Stack, result: Any, top: float, threads: int | None
+) -> NDArray[np.float32]:
     """``(obs, band, y, x)``; 0 where a sample is missing."""
     codes = np.zeros(stack.shape, np.float32)
-    shown = np.nan_to_num(result.predict(stack.rig), nan=0.0)
+    shown = np.nan_to_num(result.predict(stack.rig, threads=threads), nan=0.0)
     for index, light in enumerate(stack.rig.intensities.tolist()):
         unit = light * top
         codes[index] = _difference(_seen(stack, index, shown[index]), shown[index], unit)

@@ -25,7 +25,7 @@ from impasto.fit.result import Sbrdf
 from impasto.fit.segments import SegmentSbrdf, checked_labels
 from impasto.fit.stages import (
     Fitted,
-    check_circumstances,
+    check_arguments,
     checked_normals,
     checked_options,
     chosen_kind,
@@ -300,7 +300,8 @@ def fit_sbrdf(
         options = {name: value for name, value in locals().items() if name != "stack"}
         return stack.fitted_sbrdf(**options)
     checked_stack(stack)
-    check_circumstances(normals, residuals, threads, progress)
+    method = normals if isinstance(normals, str) else None
+    check_arguments(method, residuals, threads, progress)
     relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):
         from impasto.doctor.before_fit import refuse_faults

@@ -44,15 +44,15 @@ Fitted: TypeAlias = PooledSbrdf | SegmentSbrdf | LobeSbrdf | LafortuneSbrdf
 """Every kind of result."""
 
 
-def check_circumstances(
-    normals: Normals | Method | None,
+def check_arguments(
+    method: Method | None,
     residuals: bool | None,
     threads: int | None,
     progress: bool | ProgressCallback,
 ) -> None:
     """Refuse what no fit takes, before minutes of work on the rig and the choice."""
-    if isinstance(normals, str):
-        one_of(normals, METHODS, "normals")
+    if method is not None:
+        one_of(method, METHODS, "normals")
     if residuals is not None:
         truth(residuals, "residuals")
     thread_count(threads)
@@ -225,7 +225,9 @@ def chosen_kind(
             relief = around(known)
             seen = known if relief is None else relief.removed(known, threads=threads)
             result: Sbrdf = replace(plain(seen), relief=relief)
-            return replace(result, residuals=usual_residuals(known, result)) if kept else result
+            if not kept:
+                return result
+            return replace(result, residuals=usual_residuals(known, result, threads))
 
         return around_it
 

@@ -22,6 +22,7 @@ from impasto.jobs.folder import (
     remove_unfinished,
 )
 from impasto.jobs.lock import LOCK, locked
+from impasto.jobs.memory import keep_memory
 from impasto.jobs.photographs import Photographs
 
 OFTEN = 0.5
@@ -78,6 +79,11 @@ class Beginning:
             self._holds = False
             self._lock.close()
             self.take()
+
+    def keep_memory(self, memory: int) -> None:
+        """Keep the bytes that a job which goes on may take: an error or Ctrl-C may come at once."""
+        if self._holds and (self._notes / RECORD).exists():
+            keep_memory(self._notes, memory)
 
     def discard(self) -> None:
         """Remove the folder with all that is in it."""

@@ -175,6 +175,8 @@ def run(
     earlier_record(target, partial, resume=go_on)
     with held(target) as own:
         earlier = earlier_record(target, partial, resume=go_on)
+        if go_on:
+            own.keep_memory(budget)
         photographs = open_photographs(
             source if path is None else path,
             options,
@@ -302,10 +304,8 @@ def _carried_out(
             model = learn(check)
             written.result()
         model.save(notes / LEARNED)
-    else:
-        keep_memory(notes, memory)
-        if not (notes / LEARNED).exists():
-            learn().save(notes / LEARNED)
+    elif not (notes / LEARNED).exists():
+        learn().save(notes / LEARNED)
     model = load_learned(notes / LEARNED)
     grid = record.grid
     with (

@@ -22,7 +22,7 @@ def keep_memory(notes: Path, memory: int) -> None:
 
 def kept_memory(notes: Path) -> int | None:
     """The bytes that a job could take last; None where nobody has said so, or not legibly."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
+    with suppress(OSError, ValueError, KeyError, TypeError, OverflowError):
         kept = int(json.loads((notes / MEMORY).read_bytes())["bytes"])
         return kept if kept > 0 else None
     return None

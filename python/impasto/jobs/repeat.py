@@ -162,6 +162,7 @@ def _repeated(
     client = checked_client(client, source)
     budget = bytes_of(memory)
     with held(target) as own:
+        own.keep_memory(budget)
         photographs = open_photographs(
             record.source if source is None else source,
             record.reading,
