@@ -150,8 +150,11 @@ def test_photographs_in_a_store_are_described_and_are_no_result(
     assert "photographs, not the result of a fit" in complaint(render, 3, capsys)
 
 
-def test_a_running_job_is_seen_and_ended_from_outside(source: Path, tmp_path: Path) -> None:
-    """SIGTERM, as of a batch system: exit code 130, the command that goes on, a whole journal."""
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP])
+def test_a_running_job_is_seen_and_ended_from_outside(
+    end: signal.Signals, source: Path, tmp_path: Path
+) -> None:
+    """As by a batch system or a terminal: exit code 130, the command that goes on, a journal."""
     out = tmp_path / "painting.zarr"
     # Every tile takes a while, so that it is surely running when it is looked at.
     program = (
@@ -177,7 +180,7 @@ def test_a_running_job_is_seen_and_ended_from_outside(source: Path, tmp_path: Pa
                 found = jobs.status(out)
         assert found is not None
         assert (found.state, found.process) == ("running", process.pid)
-        os.kill(process.pid, signal.SIGTERM)
+        os.kill(process.pid, end)
         _, said = process.communicate(timeout=60)
     finally:
         process.kill()
@@ -297,6 +300,8 @@ def test_missing_photographs_make_a_result_partial(
     assert "light0.tif" in said
     assert "listed photographs are missing" in said
     assert ("missing",) in {note[:1] for note in jobs.status(out).notes}
+    assert main(["job", "status", str(out)]) == 0
+    assert "\nnote        " in capsys.readouterr().out
     assert jobs.verify(out) == ()
 
 
@@ -338,6 +343,73 @@ def test_changes_are_listed(
     assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 3
     assert capsys.readouterr().out == "normal/c/0/1/1\n"
     assert main(["info", str(out)]) == 3
+
+
+def test_files_of_others_are_moved_away_and_photographs_restored(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "painting.zarr"
+    impasto.run(source, out, pooling="none", tile=64)
+    (out / ".DS_Store").write_bytes(b"")
+    assert main(["job", "verify", str(out), "--no-inputs"]) == 3
+    said = capsys.readouterr().err
+    assert "put there by others: move it away" in said
+    assert "job resume" not in said
+    (out / "normal" / "c" / "0" / "1" / "1").unlink()
+    assert main(["job", "verify", str(out), "--no-inputs"]) == 3
+    said = capsys.readouterr().err
+    assert "move it away" in said
+    assert f"impasto job resume {out}" in said
+
+
+def test_another_version_is_not_told_to_repair(
+    source: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out = tmp_path / "painting.zarr"
+    monkeypatch.setattr("impasto.jobs.job.build_name", lambda: "0.0.9+0123456789ab")
+    impasto.run(source, out, pooling="none", tile=64)
+    (out / "normal" / "c" / "0" / "1" / "1").unlink()
+    assert main(["job", "verify", str(out), "--no-inputs"]) == 3
+    said = capsys.readouterr().err
+    assert "impasto 0.0.9+0123456789ab, which made them, makes them again" in said
+    assert "job resume" not in said
+
+
+def test_ctrl_c_while_photographs_are_hashed_says_that_nothing_is_kept(
+    source: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("impasto.jobs.job.open_photographs", interrupt)
+    assert main(job(source, tmp_path / "painting.zarr")) == 130
+    assert "nothing was kept yet; give the same command again" in capsys.readouterr().err
+
+
+def test_a_lost_scheduler_is_told_in_words_of_the_command_line(
+    source: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def lost(*_: object, **__: object) -> None:
+        raise impasto.ClusterError(
+            "client: the tiles were cancelled, or the scheduler is gone; resume the job with a "
+            "new client"
+        )
+
+    monkeypatch.setattr("impasto.jobs.job.fit_tiles", lost)
+    out = tmp_path / "painting.zarr"
+    assert main(job(source, out)) == 4
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the scheduler is gone; resume the job with a scheduler that runs, or without" in said
+    assert f"go on with: impasto job resume {out}" in said
 
 
 @pytest.mark.parametrize(

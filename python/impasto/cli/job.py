@@ -272,7 +272,7 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
     if found.state == "interrupted":
         rows["resume"] = resume_words(out)
     page = console.stdout()
-    for name, value in rows.items():
+    for name, value in [*rows.items(), *(("note", text) for _, text in found.notes)]:
         page.out(f"{name:<{LABEL_WIDTH}}{value}")
     return Exit.OK
 
@@ -323,7 +323,7 @@ def verify(
         page.out(str(finding))
     if findings:
         console.complain(f"{out}: {files_words(len(findings))} not as written or read")
-        say_how_to_repair(out, [Path(finding.file) for finding in findings])
+        say_how_to_repair(out, findings)
         return Exit.CORRUPT_INPUT
     if (out / CHECKSUMS).is_file():
         page.out(f"{out}: all files are as written")
@@ -453,9 +453,12 @@ def _worked(
     except KeyboardInterrupt:
         console.complain("interrupted")
         say_how_to_resume(out, scheduler)
+        if not is_resumable(out):
+            console.hint("nothing was kept yet; give the same command again")
         return Exit.INTERRUPTED
     except ClusterError as error:
-        console.complain(str(error))
+        words = str(error).removeprefix("client: ").replace("(memory=)", "(--memory)")
+        console.complain(words.replace("a new client", "a scheduler that runs, or without one"))
         say_how_to_resume(out, scheduler)
         return Exit.PARTIAL
     except OSError as error:
@@ -534,20 +537,27 @@ class _Pace:
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM, as of a batch system, ends a job like Ctrl-C."""
+    """SIGTERM, as of a batch system, and SIGHUP, of a terminal that closes, are like Ctrl-C.
+
+    Whoever ignores SIGHUP, as ``nohup`` does, goes on.
+    """
 
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
+    before: dict[signal.Signals, Any] = {}
     try:
-        before = signal.signal(signal.SIGTERM, interrupt)
+        for one in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(one) is not signal.SIG_IGN:
+                before[one] = signal.signal(one, interrupt)
     except ValueError:  # not the main thread
         yield
         return
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for one, action in before.items():
+            signal.signal(one, action)
 
 
 def _pace_words(pixels_per_second: float) -> str:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import errno
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from impasto.jobs import Finding
 
 DEFAULT_MEMORY = "4GiB"
 """What a job takes that is given no other memory."""
@@ -81,18 +86,30 @@ def _half_of(memory: str | int) -> str:
     return f"{max(bytes_of(memory) >> 21, 1)}MiB"
 
 
-def say_how_to_repair(out: Path, files: list[Path]) -> None:
-    """A job makes again what its journal has and the disk has not, of the same photographs."""
-    from impasto.jobs.checksums import CHECKSUMS
-    from impasto.jobs.folder import NOTES, partial_of
-    from impasto.jobs.inspection import folder_of
+def say_how_to_repair(out: Path, findings: Sequence[Finding]) -> None:
+    """What to do about files of a job that are not as it wrote them.
 
-    if (out / CHECKSUMS).is_file():
+    A job makes again what its journal has and the disk has not, of the same photographs; neither
+    a photograph nor the notes of a job.
+    """
+    from impasto._internal.build import build_name
+    from impasto.jobs.checksums import CHECKSUMS
+    from impasto.jobs.folder import NOTES, RECORD, partial_of
+    from impasto.jobs.inspection import folder_of
+    from impasto.jobs.record import JobRecord
+
+    if any(finding.is_foreign for finding in findings):
+        console.hint("what does not belong to the store was put there by others: move it away")
+    files = [Path(finding.file) for finding in findings if not finding.is_foreign]
+    if not files or (out / CHECKSUMS).is_file():
         return
     folder, whole = folder_of(out)
-    if not all(
-        file.is_relative_to(folder) and not file.is_relative_to(folder / NOTES) for file in files
-    ):
+    notes = folder / NOTES
+    if any(not file.is_relative_to(folder) or file.is_relative_to(notes) for file in files):
+        return
+    version = JobRecord.read(notes / RECORD).version
+    if version != build_name():
+        console.hint(f"impasto {version}, which made them, makes them again; this is another one")
         return
     rename = (
         f"mv {shlex.quote(str(folder))} {shlex.quote(str(partial_of(folder)))} && " if whole else ""

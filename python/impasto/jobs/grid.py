@@ -25,6 +25,7 @@ STEP = 64
 MOST = 1024
 """Most rows and columns of such a tile: an interruption loses those in flight."""
 MOST_MEMORY = 2.0**63
+"""8 EiB, more than a file system counts."""
 SMALLEST = 16
 """Fewest rows and columns of a tile that a caller may ask for."""
 UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12} | {
@@ -221,7 +222,9 @@ def bytes_of(memory: Any) -> int:
     wanted = float(found[1]) * UNITS[found[2].upper()]
     size = int(wanted) if wanted < MOST_MEMORY else 0
     if size < 1:
-        raise ArgumentError(f"memory: expected 1 to {MOST_MEMORY:g} bytes, found {memory!r}")
+        raise ArgumentError(
+            f'memory: expected 1 B to 8 EiB, such as "4GiB", found {memory!r}'
+        )
     return size
 
 

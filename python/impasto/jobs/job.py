@@ -175,8 +175,6 @@ def run(
     earlier_record(target, partial, resume=go_on)
     with held(target) as own:
         earlier = earlier_record(target, partial, resume=go_on)
-        if go_on:
-            own.keep_memory(budget)
         photographs = open_photographs(
             source if path is None else path,
             options,
@@ -213,6 +211,7 @@ def run(
         )
         if earlier is not None:
             refuse_differences(earlier, record, target)
+            own.keep_memory(budget)
         if not go_on:
             own.anew()
         return carry_out(

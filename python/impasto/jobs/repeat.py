@@ -162,13 +162,14 @@ def _repeated(
     client = checked_client(client, source)
     budget = bytes_of(memory)
     with held(target) as own:
-        own.keep_memory(budget)
         photographs = open_photographs(
             record.source if source is None else source,
             record.reading,
             budget // 2,
             record.curve,
         )
+        # Not before there is room for it.
+        own.keep_memory(budget)
         if store == target:
             _warn_of_memory(budget // 2, photographs, record)
         curve = photographs.encoding
