@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,9 @@ from command_line import complaint
 from impasto import jobs
 from impasto._internal import regular
 from impasto.cli import main
+from impasto.cli.job import terminated_as_interrupted
 from impasto.io import write_lights, write_stack, write_tiff16
+from impasto.jobs.cluster import LOST
 from interrupted_jobs import interrupting
 from killed_jobs import stack, tree
 from processes import surroundings
@@ -158,7 +162,8 @@ def test_a_running_job_is_seen_and_ended_from_outside(
     out = tmp_path / "painting.zarr"
     # Every tile takes a while, so that it is surely running when it is looked at.
     program = (
-        "import sys, time, impasto.jobs.tiles as tiles\n"
+        "import signal, sys, time, impasto.jobs.tiles as tiles\n"
+        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # these tests may run under nohup
         "fitted = tiles.fitted\n"
         "def slow(*given):\n    time.sleep(0.2)\n    return fitted(*given)\n"
         "tiles.fitted = slow\n"
@@ -384,12 +389,17 @@ def test_ctrl_c_while_photographs_are_hashed_says_that_nothing_is_kept(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("impasto.jobs.job.open_photographs", interrupt)
     assert main(job(source, tmp_path / "painting.zarr")) == 130
     assert "nothing was kept yet; give the same command again" in capsys.readouterr().err
+    monkeypatch.undo()
+    out = impasto.run(source, tmp_path / "made.zarr", pooling="none", tile=64)
+    monkeypatch.setattr("impasto.jobs.rerun", interrupt)
+    assert main(["job", "rerun", str(out), "--into", str(out)]) == 130
+    assert "nothing was kept" not in capsys.readouterr().err
 
 
 def test_a_lost_scheduler_is_told_in_words_of_the_command_line(
@@ -399,17 +409,32 @@ def test_a_lost_scheduler_is_told_in_words_of_the_command_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def lost(*_: object, **__: object) -> None:
-        raise impasto.ClusterError(
-            "client: the tiles were cancelled, or the scheduler is gone; resume the job with a "
-            "new client"
-        )
+        raise impasto.ClusterError(LOST)
+
+    @contextmanager
+    def connected(_: str | None) -> Iterator[None]:
+        yield None
 
     monkeypatch.setattr("impasto.jobs.job.fit_tiles", lost)
+    monkeypatch.setattr("impasto.jobs.cluster.connected", connected)
     out = tmp_path / "painting.zarr"
-    assert main(job(source, out)) == 4
+    assert main(job(source, out, "--scheduler", "tcp://127.0.0.1:9")) == 4
     said = " ".join(capsys.readouterr().err.split())
     assert "the scheduler is gone; resume the job with a scheduler that runs, or without" in said
-    assert f"go on with: impasto job resume {out}" in said
+    assert said.endswith(f"go on with: impasto job resume {out}"), "without what is gone"
+
+
+def test_who_ignores_a_closed_terminal_goes_on() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with terminated_as_interrupted():
+            signal.raise_signal(signal.SIGHUP)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        with pytest.raises(KeyboardInterrupt), terminated_as_interrupted():
+            signal.raise_signal(signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.parametrize(

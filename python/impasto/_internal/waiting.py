@@ -115,31 +115,39 @@ class _Handed(Generic[Found]):
     """A step that a thread of a pool takes."""
 
     def __init__(self, pool: Pool, step: Callable[[], Found]) -> None:
+        self._outcome: Future[Found] = Future()
         self._ended = False
+        _UNDER_WAY.add(self._outcome)
+        try:
+            task = pool.submit(self._take, step)
+        except BaseException:
+            _UNDER_WAY.discard(self._outcome)
+            raise
+        task.add_done_callback(self._forget)
 
-        def work() -> Found:
-            under_way: Future[None] = Future()
-            _UNDER_WAY.add(under_way)
-            try:
-                return step()
-            finally:
-                under_way.set_result(None)
-                _UNDER_WAY.discard(under_way)
-                self._ended = True
+    def _take(self, step: Callable[[], Found]) -> None:
+        try:
+            self._outcome.set_result(step())
+        except BaseException as error:
+            self._outcome.set_exception(error)
+        finally:
+            self._ended = True
 
-        self._outcome = pool.submit(work)
+    def _forget(self, _: Future[None]) -> None:
+        """It has ended, or never begins."""
+        _UNDER_WAY.discard(self._outcome)
 
     def awaited(self) -> Found:
         """What the step returns; what it raises is raised here."""
         while True:
-            ended = self._ended
             try:
                 return self._outcome.result(HEARTBEAT)
             except TimeoutError:
+                over = self._ended
                 if self._outcome.done():
                     # At the last moment; or its own error.
                     return self._outcome.result()
-                if ended:  # a heartbeat ago, without memory to say what it found
+                if over:  # without memory to say what it found
                     raise MemoryError from None
 
 

@@ -25,6 +25,7 @@ from impasto.cli.photographs import Reading
 from impasto.cli.resuming import (
     DEFAULT_MEMORY,
     files_words,
+    has_kept,
     is_of_a_disk,
     is_resumable,
     os_words,
@@ -432,7 +433,7 @@ def _worked(
     work: Callable[[ProgressCallback, Client | None], Path],
 ) -> int:
     """Do the work of a job, show its pace, and say how to go on where it ends early."""
-    from impasto.jobs.cluster import connected
+    from impasto.jobs.cluster import LOST, connected
 
     share_one_heap()
     stages, pace = Stages(quiet=quiet), _Pace(out)
@@ -453,13 +454,13 @@ def _worked(
     except KeyboardInterrupt:
         console.complain("interrupted")
         say_how_to_resume(out, scheduler)
-        if not is_resumable(out):
+        if not has_kept(out):
             console.hint("nothing was kept yet; give the same command again")
         return Exit.INTERRUPTED
     except ClusterError as error:
         words = str(error).removeprefix("client: ").replace("(memory=)", "(--memory)")
         console.complain(words.replace("a new client", "a scheduler that runs, or without one"))
-        say_how_to_resume(out, scheduler)
+        say_how_to_resume(out, None if str(error) == LOST else scheduler)
         return Exit.PARTIAL
     except OSError as error:
         if not is_resumable(out) or error.errno is None:

@@ -36,6 +36,13 @@ def is_resumable(out: Path) -> bool:
         return False
 
 
+def has_kept(out: Path) -> bool:
+    """Whether there is a job of this name, finished or not."""
+    from impasto.jobs.folder import NOTES, RECORD, partial_of
+
+    return any((folder / NOTES / RECORD).exists() for folder in (out, partial_of(out)))
+
+
 def say_how_to_resume(out: Path, scheduler: str | None) -> None:
     """The command that goes on, where there is something to go on with."""
     if is_resumable(out):
@@ -98,14 +105,16 @@ def say_how_to_repair(out: Path, findings: Sequence[Finding]) -> None:
     from impasto.jobs.inspection import folder_of
     from impasto.jobs.record import JobRecord
 
-    if any(finding.is_foreign for finding in findings):
-        console.hint("what does not belong to the store was put there by others: move it away")
-    files = [Path(finding.file) for finding in findings if not finding.is_foreign]
-    if not files or (out / CHECKSUMS).is_file():
+    if (out / CHECKSUMS).is_file():
         return
     folder, whole = folder_of(out)
     notes = folder / NOTES
-    if any(not file.is_relative_to(folder) or file.is_relative_to(notes) for file in files):
+    own = [Path(finding.file) for finding in findings if not finding.foreign]
+    if any(file.is_relative_to(notes) for file in own):
+        return  # where a job's notes are damaged, nobody knows what belongs to it
+    if len(own) < len(findings):
+        console.hint("what does not belong to the store was put there by others: move it away")
+    if not own or not all(file.is_relative_to(folder) for file in own):
         return
     version = JobRecord.read(notes / RECORD).version
     if version != build_name():

@@ -30,6 +30,9 @@ FEWEST = 8
 """Tiles handed out at least, so that a cluster that grows with its work has a reason to."""
 REFRESH = 1.0
 """Seconds after which workers are counted again."""
+LOST = (
+    "client: the tiles were cancelled, or the scheduler is gone; resume the job with a new client"
+)
 PATIENCE = 20
 """Seconds that a scheduler has for its answer."""
 
@@ -144,10 +147,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
             "(memory=), and resume it"
         ) from error
     except (CancelledError, CommClosedError) as error:
-        raise ClusterError(
-            "client: the tiles were cancelled, or the scheduler is gone; resume the job with a "
-            "new client"
-        ) from error
+        raise ClusterError(LOST) from error
     finally:
         # There is nobody to be told where the scheduler is gone.
         with suppress(CancelledError, OSError, ValueError):

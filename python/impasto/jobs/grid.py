@@ -222,9 +222,7 @@ def bytes_of(memory: Any) -> int:
     wanted = float(found[1]) * UNITS[found[2].upper()]
     size = int(wanted) if wanted < MOST_MEMORY else 0
     if size < 1:
-        raise ArgumentError(
-            f'memory: expected 1 B to 8 EiB, such as "4GiB", found {memory!r}'
-        )
+        raise ArgumentError(f'memory: expected 1 B to 8 EiB, such as "4GiB", found {memory!r}')
     return size
 
 

@@ -43,7 +43,6 @@ SHARD = r"(levels/2/)?[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{
 """Names of the files of a tile in a store: its maps, also at half their scale, and statistics."""
 ALIKE = 0.75
 """How much of a name must be that of a job before this is asked for."""
-FOREIGN = "does not belong to the store"
 UNFINISHED = (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE, MEMORY)
 """Files of the notes of a job that is not finished."""
 RECENT = 20
@@ -181,15 +180,13 @@ class Finding:
         Its path.
     problem
         What is wrong.
+    foreign
+        Whether it is a file that no job wrote or read.
     """
 
     file: str
     problem: str
-
-    @property
-    def is_foreign(self) -> bool:
-        """Whether it is a file that no job wrote or read."""
-        return self.problem == FOREIGN
+    foreign: bool = False
 
     def __str__(self) -> str:
         return f"{self.file}: {self.problem}"
@@ -359,7 +356,7 @@ def others(folder: Path, own: Set[str]) -> Iterator[Finding]:
         if path.is_symlink() and path.is_dir():
             yield Finding(str(path), "is a link, not the folder that was made")
         elif not path.is_dir() and path.relative_to(folder).as_posix() not in own:
-            yield Finding(str(path), FOREIGN)
+            yield Finding(str(path), "does not belong to the store", foreign=True)
 
 
 def _of_a_tile(name: str, missing: set[Tile]) -> bool:
