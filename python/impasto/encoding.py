@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,12 +58,6 @@ def _joined(
     return np.asarray(np.where(value > 1.0, 1.0 + (value - 1.0) * slope, inside))
 
 
-def _precise(values: ArrayLike) -> NDArray[Any]:
-    """Floats: single precision, as exact as what is returned, stays; all else becomes double."""
-    found = np.asarray(values)
-    return found if found.dtype == np.float32 else found.astype(np.float64, copy=False)
-
-
 @dataclass(frozen=True, slots=True)
 class Encoding:
     """A tone curve between linear light (white board 1.0) and a file's coded values.
@@ -107,7 +100,7 @@ class Encoding:
 
     def decode(self, coded: ArrayLike) -> NDArray[np.float32]:
         """Linear light from coded values, any shape; full scale becomes 1.0."""
-        value = _precise(coded) / self.white
+        value = np.asarray(coded, dtype=np.float64) / self.white
         if self.curve == "linear":
             return np.asarray(value, dtype=np.float32)
         magnitude = np.abs(value)
@@ -127,7 +120,10 @@ class Encoding:
 
         With ``clip=False`` light above full scale follows the curve beyond ``white``.
         """
-        value = np.asarray(np.clip(_precise(linear), 0.0, 1.0 if clip else None))
+        found = np.asarray(linear)
+        # Single precision is as exact as what is returned.
+        precise = found if found.dtype == np.float32 else found.astype(np.float64, copy=False)
+        value = np.asarray(np.clip(precise, 0.0, 1.0 if clip else None))
         if self.curve == "srgb":
             # In place: a new array for every step takes as long as the power.
             straight = 12.92 * value

@@ -166,7 +166,8 @@ KEYS = (
     Key(
         "photographs.encoding", "encoding", values.encoding,
         "Tone curve: srgb, linear, a gamma, the file of a measured one, or auto to estimate it. "
-        "Default: that of the colour profile, else srgb for 8-bit files, linear for all others.",
+        "Default: for 8-bit files that of the colour profile, else srgb; linear for all others, "
+        "whatever their profile.",
         '"srgb"',
     ),
     Key(
