@@ -424,6 +424,16 @@ def test_a_lost_scheduler_is_told_in_words_of_the_command_line(
     assert said.endswith(f"go on with: impasto job resume {out}"), "without what is gone"
 
 
+def test_where_terminals_send_no_signal_the_others_are_heard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.delattr(signal, "SIGHUP")
+    with pytest.raises(KeyboardInterrupt), terminated_as_interrupted():
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
 def test_who_ignores_a_closed_terminal_goes_on() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

@@ -81,9 +81,9 @@ def wait_for_each(
     """``step`` of every item, on at most so many threads at once; Ctrl-C leaves them to themselves.
 
     Unlike those of :func:`wait_for` the steps may call the numerics, which then do not hear of
-    Ctrl-C: none takes longer than a second or two. After Ctrl-C, or an error of one of them, those
-    that have begun go on to their end, and no other begins. On one thread, or where none can be
-    started, the caller takes all steps.
+    Ctrl-C: it is for steps as short as the fit of a small sample. After Ctrl-C, or an error of one
+    of them, those that have begun go on to their end, and no other begins. On one thread, or where
+    none can be started, the caller takes all steps.
 
     Returns
     -------

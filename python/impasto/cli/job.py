@@ -546,10 +546,11 @@ def terminated_as_interrupted() -> Iterator[None]:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    before: dict[signal.Signals, Any] = {}
+    before: dict[int, Any] = {}
     try:
-        for one in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(one) is not signal.SIG_IGN:
+        # Only POSIX systems, on which jobs run, have SIGHUP; others are told so by the job itself.
+        for one in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+            if one not in before and signal.getsignal(one) is not signal.SIG_IGN:
                 before[one] = signal.signal(one, interrupt)
     except ValueError:  # not the main thread
         yield
