@@ -24,6 +24,8 @@ use super::tile::{ByLobeCount, Estimate, LobeFitTile};
 pub(super) enum Starts<'a> {
     /// One search from every starting shape of the model; the best end is kept.
     Multistart,
+    /// One search, from the model's starting shape with the least sum of squares.
+    BestStart,
     /// The seeds around each pixel: one search, from the start with the least sum of squares.
     Neighbours {
         around: &'a [Vec<&'a Seed>],
@@ -61,36 +63,62 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                     self.supports(tile, pixel, lobes)
                         && found[pixel].lobes + 1 == lobes
                         && match origin {
-                            Starts::Multistart => true,
+                            Starts::Multistart | Starts::BestStart => true,
                             Starts::Neighbours { most, .. } => lobes <= most[pixel],
                         }
                 })
                 .collect();
             let before: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
             self.add_lobe(tile, &able, (&first, &before), lobes, origin);
-            // The unknowns that one more lobe costs: its strength, and its shape where no prior
-            // covers it.
-            let shape_is_known = self.prior.is_some_and(|prior| prior.covers(lobes));
-            let unknowns = match (self.options.sparing, shape_is_known) {
-                (false, _) => 0,
-                (true, true) => 1,
-                (true, false) => 1 + M::SHAPES,
-            };
-            for &pixel in &able {
-                let above_rounding = before[pixel].cost > tile.rounding[pixel];
-                let more = &tile.estimates[pixel];
-                if above_rounding
-                    && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
-                    && supported(self.photographs, tile, pixel, self.run.level)[..lobes]
-                        .iter()
-                        .all(|&supported| supported)
-                {
-                    found[pixel].estimates[lobes] = *more;
-                    found[pixel].lobes = lobes;
-                }
+            self.accept(tile, &able, &before, lobes, &mut found);
+            // A second lobe that the seeds have may be near the first lobe of a pixel: the search then
+            // ends in a poor minimum, and a lobe of another width is missed.
+            if let (Starts::Neighbours { around, .. }, 2..) = (origin, lobes) {
+                let refused: Vec<usize> = able
+                    .into_iter()
+                    .filter(|&pixel| {
+                        found[pixel].lobes < lobes
+                            && before[pixel].cost > tile.rounding[pixel]
+                            && around[pixel].iter().any(|seed| seed.by_count.lobes >= lobes)
+                    })
+                    .collect();
+                self.add_lobe(tile, &refused, (&first, &before), lobes, &Starts::BestStart);
+                self.accept(tile, &refused, &before, lobes, &mut found);
             }
         }
         found
+    }
+
+    /// Takes the lobe that was added to some pixels where BIC and their photographs support it.
+    fn accept(
+        &self,
+        tile: &LobeFitTile,
+        able: &[usize],
+        before: &[Estimate],
+        lobes: usize,
+        found: &mut [ByLobeCount],
+    ) {
+        // The unknowns that one more lobe costs: its strength, and its shape where no prior
+        // covers it.
+        let shape_is_known = self.prior.is_some_and(|prior| prior.covers(lobes));
+        let unknowns = match (self.options.sparing, shape_is_known) {
+            (false, _) => 0,
+            (true, true) => 1,
+            (true, false) => 1 + M::SHAPES,
+        };
+        for &pixel in able {
+            let above_rounding = before[pixel].cost > tile.rounding[pixel];
+            let more = &tile.estimates[pixel];
+            if above_rounding
+                && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
+                && supported(self.photographs, tile, pixel, self.run.level)[..lobes]
+                    .iter()
+                    .all(|&supported| supported)
+            {
+                found[pixel].estimates[lobes] = *more;
+                found[pixel].lobes = lobes;
+            }
+        }
     }
 
     /// Adds lobes from the seeds around each pixel, and by multistart where the fit is then much
@@ -175,7 +203,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             pixels.clear();
             for &pixel in able {
                 let trial = match origin {
-                    Starts::Multistart => {
+                    Starts::Multistart | Starts::BestStart => {
                         self.model_start(tile, pixel, &before[pixel], lobes, number)
                     }
                     Starts::Neighbours { around, .. } => {
@@ -194,10 +222,12 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             }
             match origin {
                 Starts::Multistart => self.search(tile, &starts, &pixels, lobes),
-                Starts::Neighbours { .. } => self.score(tile, &starts, &pixels, lobes),
+                Starts::BestStart | Starts::Neighbours { .. } => {
+                    self.score(tile, &starts, &pixels, lobes);
+                }
             }
         }
-        if let Starts::Neighbours { .. } = origin {
+        if let Starts::BestStart | Starts::Neighbours { .. } = origin {
             let starts = tile.estimates.clone();
             reset_costs(tile);
             let scored = able.iter().copied().filter(|&pixel| starts[pixel].cost.is_finite());
