@@ -304,6 +304,9 @@ def test_missing_photographs_make_a_result_partial(
     said = capsys.readouterr().err
     assert "light0.tif" in said
     assert "listed photographs are missing" in said
+    # Before the tiles, not after the last one; once.
+    assert said.count("light0.tif") == 1
+    assert said.index("light0.tif") < said.index("\n  tiles ")
     assert ("missing",) in {note[:1] for note in jobs.status(out).notes}
     assert main(["job", "status", str(out)]) == 0
     assert "\nnote        " in capsys.readouterr().out

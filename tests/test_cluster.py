@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -184,6 +185,20 @@ def test_the_command_line_joins_a_running_scheduler(
         assert f"no Dask scheduler answers at {scheduler}" in " ".join(
             capsys.readouterr().err.split()
         )
+
+
+def test_a_scheduler_without_workers_is_told(
+    source: Path, expected: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "a.zarr"
+    words = ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as empty:
+        later = threading.Timer(1.0, empty.scale, [1])
+        later.start()
+        assert main([*words, "--scheduler", empty.scheduler_address]) == 0
+        later.join()
+    assert "the scheduler has no workers yet: tiles wait" in capsys.readouterr().err
+    assert tree(out) == expected
 
 
 def full() -> None:

@@ -19,6 +19,7 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_lights, write_png8, write_tiff16
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import read_journal
+from impasto.jobs.lock import LOCK, holder, locked
 from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 from processes import run as run_program
@@ -279,6 +280,17 @@ def test_a_second_run_is_refused(tmp_path: Path) -> None:
     assert (found.state, found.process) == ("running", os.getpid())
     assert found.tiles_done in {2, 3, 4}, "the next may be on the disk by now"
     assert jobs.verify(out) == ()
+
+
+def test_a_job_on_another_machine_is_told(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        (tmp_path / LOCK).write_text("77\nscanner-3\n")
+        assert holder(tmp_path) == 77
+        with (
+            pytest.raises(ArgumentError, match="another job, process 77 on scanner-3; wait"),
+            locked(tmp_path),
+        ):
+            pass
 
 
 def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import impasto
-from impasto import DistantLight, PointView, Rig, Scene
+from impasto import DistantLight, PointView, Rig, Scene, _core
 from impasto.fit.choice import decibels
 from impasto.fit.residuals import (
     LearnedResiduals,
@@ -235,3 +237,27 @@ def test_few_lights_of_a_dome_keep_none() -> None:
     known = uneven(photographs("gloss", 7))
     assert learn_residuals(known, lambda s: fit_sbrdf(s, joint=False), threads=1) is None
     assert len(dome(7)) == 7
+
+
+def test_every_step_of_a_fit_with_residuals_has_its_threads(
+    stack: impasto.Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: dict[str, set[int | None]] = {}
+
+    def spied(name: str, function: Any, signature: inspect.Signature) -> Any:
+        def call(*args: Any, **named: Any) -> Any:
+            bound = signature.bind(*args, **named)
+            bound.apply_defaults()
+            given.setdefault(name, set()).add(bound.arguments["threads"])
+            return function(*args, **named)
+
+        return call
+
+    for name, function in vars(_core).items():
+        if inspect.isbuiltin(function):
+            signature = inspect.signature(function)
+            if "threads" in signature.parameters:
+                monkeypatch.setattr(_core, name, spied(name, function, signature))
+    assert fit_sbrdf(stack, refine=False, relief=False, threads=1).residuals is not None
+    assert {"fit_normals", "fit_lobes", "predict"} <= given.keys()
+    assert {name: counts for name, counts in given.items() if counts != {1}} == {}

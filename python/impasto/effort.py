@@ -53,10 +53,11 @@ class Effort:
         only where its own fit is much worse than theirs. If less than 5 % of the pixels of the
         finer grid, or less than 20, have a second lobe of determined width, as many as by chance,
         a second lobe is searched for only beside pixels of the finer grid that have one, or by that
-        multistart. ``"neighbours-only"``: it is so in any painting. The choice of rows and columns
-        depends on the position of a picture in the painting, so the fit of a part may find other
-        lobes than the fit of the whole. Pictures with fewer than 20 pixels of the finer grid use
-        multistart everywhere.
+        multistart. Where a second lobe like theirs is not accepted, one more search starts from the
+        best of the fixed widths. ``"neighbours-only"``: it is so in any painting. The choice of
+        rows and columns depends on the position of a picture in the painting, so the fit of a part
+        may find other lobes than the fit of the whole. Pictures with fewer than 20 pixels of the
+        finer grid use multistart everywhere.
     precision
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
         ``"single"`` ends where the next step would be shorter than a tenth of a standard deviation.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import signal
 import time
@@ -318,7 +319,7 @@ def verify(
     from impasto import jobs
     from impasto.jobs.checksums import CHECKSUMS
 
-    findings = jobs.verify(out, inputs=inputs)
+    findings = jobs.verify(out, inputs=inputs, progress=True)
     page = console.stdout()
     for finding in findings:
         page.out(str(finding))
@@ -365,7 +366,12 @@ def export(
     """
     from impasto.jobs import export_ro_crate
 
-    made = export_ro_crate(out, ro_crate, name=name, description=description, license=license)
+    try:
+        made = export_ro_crate(
+            out, ro_crate, name=name, description=description, license=license, progress=True
+        )
+    except ArgumentError as error:
+        raise ArgumentError(re.sub("^folder:", "--ro-crate:", str(error))) from error
     console.stdout().out(str(made))
     return Exit.OK
 
@@ -436,7 +442,7 @@ def _worked(
     from impasto.jobs.cluster import LOST, connected
 
     share_one_heap()
-    stages, pace = Stages(quiet=quiet), _Pace(out)
+    stages, pace, said = Stages(quiet=quiet), _Pace(out), False
     try:
         with (
             terminated_as_interrupted(),
@@ -444,8 +450,14 @@ def _worked(
             stages.warned(),
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
+            if client is not None and not client.nthreads():
+                stages.say("  the scheduler has no workers yet: tiles wait for the first one")
 
             def progress(done: int, total: int) -> None:
+                nonlocal said
+                if not said:
+                    _say_notes(stages, out)
+                    said = True
                 stage.advance(done, total)
                 stage.show(pace.words(done, total))
 
@@ -476,22 +488,29 @@ def _worked(
         return Exit.PARTIAL
     except MemoryError:
         return say_how_to_take_less(out, memory, scheduler)
-    return _say_notes(stages, out)
+    if not said:
+        _say_notes(stages, out)
+    return _say_end(stages, out)
 
 
-def _say_notes(stages: Stages, out: Path) -> int:
-    """What was repaired, left out or assumed; the code of a result without listed photographs."""
+def _say_notes(stages: Stages, out: Path) -> None:
+    """What was repaired, left out or assumed of the photographs."""
     from impasto import jobs
 
-    notes = jobs.status(out).notes
-    for _, text in notes:
+    for _, text in jobs.status(out).notes:
         stages.say(f"  {'':14}[dim]{escape(text)}[/]")
+
+
+def _say_end(stages: Stages, out: Path) -> int:
+    """What to do next; the code of a result without listed photographs."""
+    from impasto import jobs
+
     made = shlex.quote(str(out))
     stages.advise(
         f"Turn the light: impasto view {made}; "
         f"pictures: impasto render {made} --light 180,20 --width 1000 --out raking.png"
     )
-    if all(kind != "missing" for kind, _ in notes):
+    if all(kind != "missing" for kind, _ in jobs.status(out).notes):
         return Exit.OK
     stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
     return Exit.PARTIAL

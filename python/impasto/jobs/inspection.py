@@ -6,12 +6,13 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+from impasto._internal.calls import ProgressCallback, reporting
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
@@ -35,6 +36,7 @@ from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK, holder
 from impasto.jobs.memory import MEMORY, kept_memory
+from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 from impasto.report import file_entry
@@ -192,7 +194,12 @@ class Finding:
         return f"{self.file}: {self.problem}"
 
 
-def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding, ...]:
+def verify(
+    out: str | os.PathLike[str],
+    *,
+    inputs: bool = True,
+    progress: bool | ProgressCallback = False,
+) -> tuple[Finding, ...]:
     """Compare every file of a job with its journal, and the photographs with its record.
 
     Every file of a store of :func:`impasto.merge` is compared with the checksums in it.
@@ -203,6 +210,8 @@ def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding
         The ``out`` of :func:`impasto.run`, finished or not, or of :func:`impasto.merge`.
     inputs
         Whether to read the photographs, too. A stack in memory is not compared.
+    progress
+        True: a bar on stderr; or a callable ``(done, total)`` in bytes.
 
     Returns
     -------
@@ -216,18 +225,20 @@ def verify(out: str | os.PathLike[str], *, inputs: bool = True) -> tuple[Finding
         There is neither of that name.
     """
     target = store_name(out)
-    if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
-        return tuple(sorted(set(_merged_findings(target / CHECKSUMS)), key=str))
-    while True:
-        folder, whole = folder_of(out)
-        try:
-            found = set(_findings(folder, whole, inputs))
-        except FileNotFoundError:
+    with reporting(progress, "bytes") as callback:
+        meter = Meter(callback)
+        if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
+            return tuple(sorted(set(_merged_findings(target / CHECKSUMS, meter)), key=str))
+        while True:
+            folder, whole = folder_of(out)
+            try:
+                found = set(_findings(folder, whole, inputs, meter))
+            except FileNotFoundError:
+                if folder.exists():
+                    raise
             if folder.exists():
-                raise
-        if folder.exists():
-            return tuple(sorted(found, key=str))
-        # The job has ended meanwhile, and its folder has another name.
+                return tuple(sorted(found, key=str))
+            # The job has ended meanwhile, and its folder has another name.
 
 
 def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
@@ -280,29 +291,31 @@ def _store_of(record: Path) -> str:
     return store_name(record.parents[1]).name
 
 
-def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
+def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator[Finding]:
     notes = folder / NOTES
     try:
         record = JobRecord.read(notes / RECORD)
     except CorruptInputError as error:
         yield Finding(str(error.path), error.problem)
         return
-    if inputs and record.source is not None:
-        yield from _changed_inputs(record)
+    damaged = entries = None
     try:
         entries = _entries(notes)
     except CorruptInputError as error:
-        yield Finding(str(error.path), error.problem)
+        damaged = Finding(str(error.path), error.problem)
+    known = {} if entries is None else known_files(entries)
+    read = record.inputs if inputs and record.source is not None else ()
+    meter.begin([*(Path(one["file"]) for one in read), *(folder / name for name in known)])
+    yield from _changed_inputs(record, read, meter)
+    if damaged is not None:
+        yield damaged
         return
     if entries is None:
         if whole:
             yield Finding(str(notes / JOURNAL), "is missing")
         return
     yield from _foreign(notes, entries)
-    known: dict[str, str] = dict(entries.files or {})
-    for entry in entries.tiles.values():
-        known |= entry.shards
-    yield from changed(folder, known)
+    yield from changed(folder, known, meter)
     own = {*known, f"{NOTES}/{JOURNAL}"}
     missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
     if whole:
@@ -324,7 +337,15 @@ def _findings(folder: Path, whole: bool, inputs: bool) -> Iterator[Finding]:
             yield finding
 
 
-def _merged_findings(checksums: Path) -> Iterator[Finding]:
+def known_files(entries: Entries) -> dict[str, str]:
+    """The checksums of a journal by the names of the files in the store."""
+    known = dict(entries.files or {})
+    for entry in entries.tiles.values():
+        known |= entry.shards
+    return known
+
+
+def _merged_findings(checksums: Path, meter: Meter) -> Iterator[Finding]:
     """The same of a store that has no journal, but a list of checksums."""
     try:
         known = read_checksums(checksums)
@@ -332,12 +353,13 @@ def _merged_findings(checksums: Path) -> Iterator[Finding]:
         yield Finding(str(error.path), error.problem)
         return
     folder = checksums.parent
-    yield from changed(folder, known, f"in {CHECKSUMS}")
+    meter.begin(folder / name for name in known)
+    yield from changed(folder, known, meter, f"in {CHECKSUMS}")
     yield from others(folder, {*known, CHECKSUMS})
 
 
 def changed(
-    folder: Path, known: Mapping[str, str], where: str = "in the journal"
+    folder: Path, known: Mapping[str, str], meter: Meter, where: str = "in the journal"
 ) -> Iterator[Finding]:
     """Files that are not as their checksums say."""
     for name, crc in known.items():
@@ -348,6 +370,7 @@ def changed(
             yield Finding(str(path), "is a link, not the file that was written")
         elif (found := checksum(path)) != crc:
             yield Finding(str(path), f"has changed: its checksum is {found}, {where} {crc}")
+        meter.read(path)
 
 
 def others(folder: Path, own: Set[str]) -> Iterator[Finding]:
@@ -406,9 +429,11 @@ def _foreign(notes: Path, entries: Entries) -> Iterator[Finding]:
             yield Finding(str(path), f"is not what {JOURNAL} beside it belongs to")
 
 
-def _changed_inputs(record: JobRecord) -> Iterator[Finding]:
+def _changed_inputs(
+    record: JobRecord, inputs: Iterable[Mapping[str, Any]], meter: Meter
+) -> Iterator[Finding]:
     entry_of = _entries_of(record)
-    for entry in record.inputs:
+    for entry in inputs:
         path = Path(entry["file"])
         if not path.is_file():
             yield Finding(str(path), "is missing: a photograph or another input of the job")
@@ -420,6 +445,7 @@ def _changed_inputs(record: JobRecord) -> Iterator[Finding]:
             continue
         if any(found.get(key) != entry[key] for key in ("sha256", "crc32c") if key in entry):
             yield Finding(str(path), "has changed since the job read it")
+        meter.read(path)
 
 
 def _entries_of(record: JobRecord) -> Callable[[Path], Mapping[str, Any]]:

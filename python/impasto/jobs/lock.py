@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,8 @@ from impasto.errors import ArgumentError, ImpastoError
 from impasto.io.files import as_problem_of
 
 LOCK = "lock"
+LONGEST = 300
+"""Bytes of a lock that are read: the number of a process and the name of a machine."""
 TRIES, PAUSE = 10, 0.05
 """Times, and seconds between them, that a lock is tried: :func:`holder` may have it for a moment.
 """
@@ -42,10 +45,9 @@ def locked(folder: Path) -> Iterator[None]:
                 break
             except BlockingIOError as error:
                 if last:
-                    process = os.pread(handle, 32, 0).decode(errors="replace").strip()
                     raise ArgumentError(
-                        f"out: {folder.parent} is in use by another job, process "
-                        f"{process or 'unknown'}; wait for it, or end it and resume"
+                        f"out: {folder.parent} is in use by another job, {_holder_words(handle)}; "
+                        "wait for it, or end it and resume"
                     ) from error
                 time.sleep(PAUSE)
             except OSError as error:
@@ -57,10 +59,18 @@ def locked(folder: Path) -> Iterator[None]:
             raise ArgumentError(f"out: another job has just ended in {folder.parent}; try again")
         with as_problem_of(path):
             os.truncate(handle, 0)
-            os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+            os.pwrite(handle, f"{os.getpid()}\n{socket.gethostname()}\n".encode(), 0)
         yield
     finally:
         os.close(handle)
+
+
+def _holder_words(handle: int) -> str:
+    """The process that has written its number into a lock, and its machine if that is another."""
+    process, _, rest = os.pread(handle, LONGEST, 0).decode(errors="replace").partition("\n")
+    machine = rest.strip()
+    where = f" on {machine}" if machine and machine != socket.gethostname() else ""
+    return f"process {process.strip() or 'unknown'}{where}"
 
 
 def release(folder: Path) -> None:
@@ -86,7 +96,7 @@ def holder(folder: Path) -> int | None:
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        text = os.read(handle, 32).decode(errors="replace").strip()
+        text = os.read(handle, LONGEST).decode(errors="replace").partition("\n")[0].strip()
         return int(text) if text.isdecimal() else 0
     except OSError:  # nor on this file system
         return None

@@ -16,14 +16,16 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.wording import counted
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
-from impasto.jobs.inspection import changed, folder_of, others
+from impasto.jobs.inspection import changed, folder_of, known_files, others
 from impasto.jobs.journal import JOURNAL, Entries
 from impasto.jobs.lock import LOCK
+from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
 
 METADATA = "ro-crate-metadata.json"
@@ -42,6 +44,7 @@ def export_ro_crate(
     description: str | None = None,
     license: str | None = None,
     published: datetime.date | None = None,
+    progress: bool | ProgressCallback = False,
 ) -> Path:
     """Put a finished job into a new RO-Crate, with its provenance as linked data.
 
@@ -61,6 +64,9 @@ def export_ro_crate(
         ``"https://creativecommons.org/licenses/by/4.0/"``. Default: a sentence that none is given.
     published
         The date of the crate; default: today. All else in it is the same whenever it is made.
+    progress
+        True: a bar on stderr; or a callable ``(done, total)`` in bytes of the store, which is
+        compared with its journal first.
 
     Returns
     -------
@@ -79,7 +85,7 @@ def export_ro_crate(
     if not whole:
         raise ArgumentError(f"out: {store} is not finished; impasto job resume goes on with it")
     record = JobRecord.read(store / NOTES / RECORD)
-    own = _checked_files(store, check_finished(store, record.grid))
+    entries = check_finished(store, record.grid)
     crate = Path(folder)
     if crate.exists():
         raise ArgumentError(f"folder: {crate} already exists; give another name")
@@ -87,6 +93,8 @@ def export_ro_crate(
         raise ArgumentError(f"folder: the folder {crate.absolute().parent} does not exist")
     if crate.resolve().is_relative_to(store.resolve()):
         raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
+    with reporting(progress, "bytes") as callback:
+        own = _checked_files(store, entries, Meter(callback))
     with new_folder(crate) as folder_of_crate:
         _link_all(store, own, folder_of_crate / store.name)
         content = {
@@ -107,18 +115,19 @@ def export_ro_crate(
     return crate
 
 
-def _checked_files(store: Path, entries: Entries) -> list[str]:
+def _checked_files(store: Path, entries: Entries, meter: Meter) -> list[str]:
     """The files of the job, by their names in the store.
 
     Nothing that the journal has is missing or has changed, and nothing else is there: an archive
     gets no damaged tile, and no file that nobody vouches for.
     """
     own = {f"{NOTES}/{JOURNAL}", *(entries.files or {})}
-    found = [(finding, "") for finding in changed(store, entries.files or {})]
+    meter.begin(store / name for name in known_files(entries))
+    found = [(finding, "") for finding in changed(store, entries.files or {}, meter)]
     for (row, column), entry in entries.tiles.items():
         own |= entry.shards.keys()
         place = f" (the tile in row {row} and column {column})"
-        found += [(finding, place) for finding in changed(store, entry.shards)]
+        found += [(finding, place) for finding in changed(store, entry.shards, meter)]
     if found:
         first, place = found[0]
         more = _others(len(found) - 1, "so is", "so are")

@@ -1,0 +1,76 @@
+"""How much of a comparison of files is done, as a job and its crate tell it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import impasto
+from impasto import jobs
+from impasto.cli import main
+from impasto.io import write_stack
+from impasto.jobs.journal import JOURNAL
+from killed_jobs import stack
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("compared")
+    write_stack(folder / "painting.npz", stack((40, 50)))
+    return impasto.run(folder / "painting.npz", folder / "a.zarr", pooling="none", tile=32)
+
+
+def reported(work: Callable[[Any], object]) -> list[tuple[int, int]]:
+    """What a call reports, which begins with nothing, grows and ends with all."""
+    seen: list[tuple[int, int]] = []
+    work(lambda done, total: seen.append((done, total)))
+    done = [one for one, _ in seen]
+    assert done[0] == 0
+    assert done == sorted(set(done))
+    assert {total for _, total in seen} == {done[-1]}
+    return seen
+
+
+def size(folder: Path) -> int:
+    """Bytes of the files of a store that have a checksum in its journal."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return sum(path.stat().st_size for path in files if path.name != JOURNAL)
+
+
+def test_a_comparison_tells_how_many_bytes_are_read(job: Path, tmp_path: Path) -> None:
+    photographs = (job.parent / "painting.npz").stat().st_size
+    seen = reported(lambda progress: jobs.verify(job, progress=progress))
+    assert seen[1] == (photographs, photographs + size(job))
+    assert seen[-1][0] == photographs + size(job)
+    seen = reported(lambda progress: jobs.verify(job, inputs=False, progress=progress))
+    assert seen[-1][0] == size(job)
+    assert len(seen) > 20
+    crate = tmp_path / "crate"
+    seen = reported(lambda progress: jobs.export_ro_crate(job, crate, progress=progress))
+    assert seen[-1][0] == size(job)
+
+
+def test_files_that_are_missing_or_another_count_once(job: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "b.zarr"
+    shutil.copytree(job, copy)
+    first, second = sorted(path for path in (copy / "normal" / "c").rglob("*") if path.is_file())[
+        :2
+    ]
+    first.unlink()
+    second.write_bytes(second.read_bytes() + b"!")
+    seen = reported(lambda progress: jobs.verify(copy, inputs=False, progress=progress))
+    assert seen[-1][0] == size(copy)
+
+
+def test_a_crate_that_exists_is_named_by_its_option(
+    job: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "crate").mkdir()
+    assert main(["job", "export", str(job), "--ro-crate", str(tmp_path / "crate")]) == 1
+    assert f"--ro-crate: {tmp_path / 'crate'} already exists" in capsys.readouterr().err
