@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 import signal
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +18,7 @@ from distributed.comm import CommClosedError
 import impasto
 from impasto import ArgumentError, _core, jobs
 from impasto.cli import main
+from impasto.cli.console import Stages
 from impasto.io import write_jpeg, write_lights, write_png8, write_stack
 from impasto.jobs import cluster as client_side
 from impasto.jobs.learning import digest_of
@@ -188,15 +188,24 @@ def test_the_command_line_joins_a_running_scheduler(
 
 
 def test_a_scheduler_without_workers_is_told(
-    source: Path, expected: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    source: Path,
+    expected: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "a.zarr"
     words = ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as empty:
-        later = threading.Timer(1.0, empty.scale, [1])
-        later.start()
+        say = Stages.say
+
+        def add_worker(stages: Stages, text: str) -> None:
+            say(stages, text)
+            if "no workers" in text:
+                empty.scale(1)
+
+        monkeypatch.setattr(Stages, "say", add_worker)
         assert main([*words, "--scheduler", empty.scheduler_address]) == 0
-        later.join()
     assert "the scheduler has no workers yet: tiles wait" in capsys.readouterr().err
     assert tree(out) == expected
 

@@ -13,6 +13,7 @@ import impasto
 from impasto import jobs
 from impasto.cli import main
 from impasto.io import write_stack
+from impasto.jobs import meter
 from impasto.jobs.journal import JOURNAL
 from killed_jobs import stack
 
@@ -43,6 +44,12 @@ def size(folder: Path) -> int:
     return sum(path.stat().st_size for path in files if path.name != JOURNAL)
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every file is told, however soon it follows the one before."""
+    monkeypatch.setattr(meter, "OFTEN", 0.0)
+
+
 def test_a_comparison_tells_how_many_bytes_are_read(job: Path, tmp_path: Path) -> None:
     photographs = (job.parent / "painting.npz").stat().st_size
     seen = reported(lambda progress: jobs.verify(job, progress=progress))
@@ -56,7 +63,7 @@ def test_a_comparison_tells_how_many_bytes_are_read(job: Path, tmp_path: Path) -
     assert seen[-1][0] == size(job)
 
 
-def test_files_that_are_missing_or_another_count_once(job: Path, tmp_path: Path) -> None:
+def test_missing_files_count_nothing_and_changed_ones_once(job: Path, tmp_path: Path) -> None:
     copy = tmp_path / "b.zarr"
     shutil.copytree(job, copy)
     first, second = sorted(path for path in (copy / "normal" / "c").rglob("*") if path.is_file())[

@@ -285,7 +285,7 @@ def test_a_second_run_is_refused(tmp_path: Path) -> None:
 def test_a_job_on_another_machine_is_told(tmp_path: Path) -> None:
     with locked(tmp_path):
         (tmp_path / LOCK).write_text("77\nscanner-3\n")
-        assert holder(tmp_path) == 77
+        assert holder(tmp_path) == (77, "scanner-3")
         with (
             pytest.raises(ArgumentError, match="another job, process 77 on scanner-3; wait"),
             locked(tmp_path),

@@ -84,7 +84,7 @@ def test_a_small_part_with_two_lobes_keeps_them_around_seeds(top: int, left: int
 
 
 def test_a_second_lobe_unlike_those_of_the_seeds_is_found() -> None:
-    """Of most pixels the second lobe is broad, of a third it is narrow and seldom seen.
+    """Three pixels in ten have a narrow second lobe, the others a broad one.
 
     A search from the seeds' shapes alone finds a sixth fewer narrow ones than multistart does.
     """

@@ -50,11 +50,11 @@ class Effort:
         several fixed widths, one search each; the best is kept. ``"neighbours"``: only every 16th
         pixel of every 16th row uses multistart. Every fourth pixel of every fourth row starts from
         the best of these around it, and all others from the best of those; a pixel uses multistart
-        only where its own fit is much worse than theirs. If less than 5 % of the pixels of the
-        finer grid, or less than 20, have a second lobe of determined width, as many as by chance,
-        a second lobe is searched for only beside pixels of the finer grid that have one, or by that
-        multistart. Where a second lobe like theirs is not accepted, one more search starts from the
-        best of the fixed widths. ``"neighbours-only"``: it is so in any painting. The choice of
+        only where its own fit is much worse than theirs. Where a second lobe like theirs is not
+        accepted, one more search starts from the best of the fixed widths. If less than 5 % of the
+        pixels of the finer grid, or less than 20, have a second lobe of determined width, as many
+        as by chance, a second lobe is searched for only beside pixels of the finer grid that have
+        one, or by that multistart. ``"neighbours-only"``: it is so in any painting. The choice of
         rows and columns depends on the position of a picture in the painting, so the fit of a part
         may find other lobes than the fit of the whole. Pictures with fewer than 20 pixels of the
         finer grid use multistart everywhere.

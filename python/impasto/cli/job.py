@@ -251,8 +251,10 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         model = _learned_words(found.folder)
         console.print_json(asdict(found) | {"folder": str(found.folder), "model": model})
         return Exit.OK
-    working = "" if found.phase is None else f", process {found.process}, {PHASES[found.phase]}"
-    rows = {"state": f"{found.state}{working}"}
+    rows: dict[str, str] = {"state": found.state}
+    if found.phase is not None:
+        where = "" if found.machine is None else f" on {found.machine}"
+        rows["state"] += f", process {found.process}{where}, {PHASES[found.phase]}"
     if found.bytes_read is not None and found.bytes_to_read:
         read, size = found.bytes_read, found.bytes_to_read
         rows["read"] = f"{read / 1e9:.3g} of {size / 1e9:.3g} GB, {100.0 * read / size:.0f} %"
@@ -370,7 +372,7 @@ def export(
         made = export_ro_crate(
             out, ro_crate, name=name, description=description, license=license, progress=True
         )
-    except ArgumentError as error:
+    except ArgumentError as error:  # the option says of what kind the folder is
         raise ArgumentError(re.sub("^folder:", "--ro-crate:", str(error))) from error
     console.stdout().out(str(made))
     return Exit.OK
@@ -439,10 +441,10 @@ def _worked(
     work: Callable[[ProgressCallback, Client | None], Path],
 ) -> int:
     """Do the work of a job, show its pace, and say how to go on where it ends early."""
-    from impasto.jobs.cluster import LOST, connected
+    from impasto.jobs.cluster import LOST, connected, has_workers
 
     share_one_heap()
-    stages, pace, said = Stages(quiet=quiet), _Pace(out), False
+    stages, pace = Stages(quiet=quiet), _Pace(out)
     try:
         with (
             terminated_as_interrupted(),
@@ -450,14 +452,12 @@ def _worked(
             stages.warned(),
             stages.stage("tiles", "reading the photographs and learning from them") as stage,
         ):
-            if client is not None and not client.nthreads():
+            if client is not None and not has_workers(client):
                 stages.say("  the scheduler has no workers yet: tiles wait for the first one")
 
             def progress(done: int, total: int) -> None:
-                nonlocal said
-                if not said:
+                if not pace.begun:
                     _say_notes(stages, out)
-                    said = True
                 stage.advance(done, total)
                 stage.show(pace.words(done, total))
 
@@ -488,7 +488,7 @@ def _worked(
         return Exit.PARTIAL
     except MemoryError:
         return say_how_to_take_less(out, memory, scheduler)
-    if not said:
+    if not pace.begun:
         _say_notes(stages, out)
     return _say_end(stages, out)
 

@@ -100,6 +100,22 @@ def connected(scheduler: str | None) -> Iterator[Client | None]:
         yield client
 
 
+def has_workers(client: Client) -> bool:
+    """Whether a scheduler has a worker now.
+
+    Raises
+    ------
+    ClusterError
+        It was lost.
+    """
+    from distributed.comm import CommClosedError
+
+    try:
+        return bool(client.nthreads())
+    except (CancelledError, CommClosedError) as error:
+        raise ClusterError(LOST) from error
+
+
 def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: TileLog) -> None:
     """Fit tiles on the workers of a client, in whatever order they are done.
 

@@ -6,9 +6,10 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -67,6 +68,8 @@ class JobStatus:
         ``"finished"``.
     process
         The process that works on it.
+    machine
+        The name of its machine, where that is another one.
     phase
         What that does: ``"reading"`` and hashing the photographs, while the model may already be
         learned, ``"learning"`` the model of the whole painting, ``"tiles"``, or ``"scales"`` when
@@ -94,6 +97,7 @@ class JobStatus:
     folder: Path
     state: Literal["running", "interrupted", "finished"]
     process: int | None
+    machine: str | None
     phase: Phase | None
     tiles_done: int
     tiles: int
@@ -124,9 +128,9 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         A damaged record or journal, or the journal of another job.
     """
     partial = partial_of(store_name(out))
-    if not (partial / NOTES / RECORD).exists() and (process := holder(partial / NOTES)) is not None:
+    if not (partial / NOTES / RECORD).exists() and (by := holder(partial / NOTES)) is not None:
         return JobStatus(
-            partial, "running", process, "reading", 0, 0, 0, 0, *_bytes_read(partial / NOTES),
+            partial, "running", *by, "reading", 0, 0, 0, 0, *_bytes_read(partial / NOTES),
             None, None, None, (), True,
         )  # fmt: skip
     folder, whole = folder_of(out)
@@ -138,20 +142,21 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
         check_journal(notes, entries)
     pixels = grid.rows * grid.columns
     done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
-    process = None if whole else holder(notes)
+    by = None if whole else holder(notes)
     pace = None if whole else _pace(notes / PACE)
     left = None if pace is None else (pixels - done) / pace
     whole = whole and entries is not None and entries.files is not None
     return JobStatus(
         folder,
-        "finished" if whole else "interrupted" if process is None else "running",
-        process,
-        None if process is None else _phase(notes, entries, grid),
+        "finished" if whole else "interrupted" if by is None else "running",
+        None if by is None else by.process,
+        None if by is None else by.machine,
+        None if by is None else _phase(notes, entries, grid),
         0 if entries is None else len(entries.tiles),
         len(grid),
         done,
         pixels,
-        *((None, None) if process is None else _bytes_read(notes)),
+        *((None, None) if by is None else _bytes_read(notes)),
         pace,
         0.0 if whole else left,
         None if whole else kept_memory(notes),
@@ -211,7 +216,8 @@ def verify(
     inputs
         Whether to read the photographs, too. A stack in memory is not compared.
     progress
-        True: a bar on stderr; or a callable ``(done, total)`` in bytes.
+        True: a bar on stderr; or a callable ``(done, total)`` in bytes. It begins again where a
+        job ends meanwhile.
 
     Returns
     -------
@@ -225,7 +231,7 @@ def verify(
         There is neither of that name.
     """
     target = store_name(out)
-    with reporting(progress, "bytes") as callback:
+    with reporting(progress, "comparing files", whole=True) as callback:
         meter = Meter(callback)
         if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
             return tuple(sorted(set(_merged_findings(target / CHECKSUMS, meter)), key=str))
@@ -236,6 +242,7 @@ def verify(
             except FileNotFoundError:
                 if folder.exists():
                     raise
+                continue
             if folder.exists():
                 return tuple(sorted(found, key=str))
             # The job has ended meanwhile, and its folder has another name.
@@ -259,9 +266,9 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
             "and impasto job verify compares it when it is finished"
         )
     early = partial_of(target) / NOTES
-    if (process := holder(early)) is not None:
+    if (by := holder(early)) is not None:
         raise ArgumentError(
-            f"{target} is a job that has just begun: process {process} reads its photographs; wait "
+            f"{target} is a job that has just begun: {by} reads its photographs; wait "
             "for it (impasto job status says how far it is)"
         )
     if (early / LOCK).exists():
@@ -298,23 +305,21 @@ def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator
     except CorruptInputError as error:
         yield Finding(str(error.path), error.problem)
         return
-    damaged = entries = None
+    read = record.inputs if inputs and record.source is not None else ()
+    meter.begin(chain((Path(one["file"]) for one in read), _written_so_far(folder)))
+    if read:
+        yield from _changed_inputs(record, meter)
     try:
         entries = _entries(notes)
     except CorruptInputError as error:
-        damaged = Finding(str(error.path), error.problem)
-    known = {} if entries is None else known_files(entries)
-    read = record.inputs if inputs and record.source is not None else ()
-    meter.begin([*(Path(one["file"]) for one in read), *(folder / name for name in known)])
-    yield from _changed_inputs(record, read, meter)
-    if damaged is not None:
-        yield damaged
+        yield Finding(str(error.path), error.problem)
         return
     if entries is None:
         if whole:
             yield Finding(str(notes / JOURNAL), "is missing")
         return
     yield from _foreign(notes, entries)
+    known = known_files(entries)
     yield from changed(folder, known, meter)
     own = {*known, f"{NOTES}/{JOURNAL}"}
     missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
@@ -335,6 +340,13 @@ def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator
         name = Path(finding.file).relative_to(folder).as_posix()
         if whole or not _of_a_tile(name, missing):
             yield finding
+
+
+def _written_so_far(folder: Path) -> Iterator[Path]:
+    """Files of a job; while photographs are compared, one that runs writes more."""
+    with suppress(CorruptInputError):
+        if (entries := _entries(folder / NOTES)) is not None:
+            yield from (folder / name for name in known_files(entries))
 
 
 def known_files(entries: Entries) -> dict[str, str]:
@@ -429,23 +441,27 @@ def _foreign(notes: Path, entries: Entries) -> Iterator[Finding]:
             yield Finding(str(path), f"is not what {JOURNAL} beside it belongs to")
 
 
-def _changed_inputs(
-    record: JobRecord, inputs: Iterable[Mapping[str, Any]], meter: Meter
-) -> Iterator[Finding]:
+def _changed_inputs(record: JobRecord, meter: Meter) -> Iterator[Finding]:
     entry_of = _entries_of(record)
-    for entry in inputs:
+    for entry in record.inputs:
         path = Path(entry["file"])
-        if not path.is_file():
-            yield Finding(str(path), "is missing: a photograph or another input of the job")
-            continue
-        try:
-            found = entry_of(path)
-        except CorruptInputError as error:
-            yield Finding(str(error.path), error.problem)
-            continue
-        if any(found.get(key) != entry[key] for key in ("sha256", "crc32c") if key in entry):
-            yield Finding(str(path), "has changed since the job read it")
+        if (finding := _changed_input(path, entry, entry_of)) is not None:
+            yield finding
         meter.read(path)
+
+
+def _changed_input(
+    path: Path, entry: Mapping[str, Any], entry_of: Callable[[Path], Mapping[str, Any]]
+) -> Finding | None:
+    if not path.is_file():
+        return Finding(str(path), "is missing: a photograph or another input of the job")
+    try:
+        found = entry_of(path)
+    except CorruptInputError as error:
+        return Finding(str(error.path), error.problem)
+    if any(found.get(key) != entry[key] for key in ("sha256", "crc32c") if key in entry):
+        return Finding(str(path), "has changed since the job read it")
+    return None
 
 
 def _entries_of(record: JobRecord) -> Callable[[Path], Mapping[str, Any]]:

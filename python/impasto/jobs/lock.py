@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from impasto.errors import ArgumentError, ImpastoError
 from impasto.io.files import as_problem_of
@@ -18,6 +19,20 @@ LONGEST = 300
 TRIES, PAUSE = 10, 0.05
 """Times, and seconds between them, that a lock is tried: :func:`holder` may have it for a moment.
 """
+
+
+class Holder(NamedTuple):
+    """A process that holds a lock: its number, 0 where that is not known, and its machine.
+
+    The machine is None where it is this one, or not known.
+    """
+
+    process: int
+    machine: str | None
+
+    def __str__(self) -> str:
+        where = f" on {self.machine}" if self.machine else ""
+        return f"process {self.process or 'unknown'}{where}"
 
 
 @contextmanager
@@ -46,7 +61,7 @@ def locked(folder: Path) -> Iterator[None]:
             except BlockingIOError as error:
                 if last:
                     raise ArgumentError(
-                        f"out: {folder.parent} is in use by another job, {_holder_words(handle)}; "
+                        f"out: {folder.parent} is in use by another job, {_written_in(handle)}; "
                         "wait for it, or end it and resume"
                     ) from error
                 time.sleep(PAUSE)
@@ -65,12 +80,12 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _holder_words(handle: int) -> str:
-    """The process that has written its number into a lock, and its machine if that is another."""
-    process, _, rest = os.pread(handle, LONGEST, 0).decode(errors="replace").partition("\n")
-    machine = rest.strip()
-    where = f" on {machine}" if machine and machine != socket.gethostname() else ""
-    return f"process {process.strip() or 'unknown'}{where}"
+def _written_in(handle: int) -> Holder:
+    """What a process has written into its lock."""
+    lines = os.pread(handle, LONGEST, 0).decode(errors="replace").splitlines()
+    number, machine = (*(line.strip() for line in lines), "", "")[:2]
+    other = machine not in {"", socket.gethostname()}
+    return Holder(int(number) if number.isdecimal() else 0, machine if other else None)
 
 
 def release(folder: Path) -> None:
@@ -83,8 +98,8 @@ def release(folder: Path) -> None:
         (folder / LOCK).unlink(missing_ok=True)
 
 
-def holder(folder: Path) -> int | None:
-    """The process that holds the lock of a folder; None if there is none, or no locks here."""
+def holder(folder: Path) -> Holder | None:
+    """Who holds the lock of a folder; None if nobody does, or there are no locks here."""
     try:
         import fcntl
     except ImportError:
@@ -96,8 +111,7 @@ def holder(folder: Path) -> int | None:
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
-        text = os.read(handle, LONGEST).decode(errors="replace").partition("\n")[0].strip()
-        return int(text) if text.isdecimal() else 0
+        return _written_in(handle)
     except OSError:  # nor on this file system
         return None
     finally:

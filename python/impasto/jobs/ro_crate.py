@@ -93,7 +93,7 @@ def export_ro_crate(
         raise ArgumentError(f"folder: the folder {crate.absolute().parent} does not exist")
     if crate.resolve().is_relative_to(store.resolve()):
         raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
-    with reporting(progress, "bytes") as callback:
+    with reporting(progress, "comparing files", whole=True) as callback:
         own = _checked_files(store, entries, Meter(callback))
     with new_folder(crate) as folder_of_crate:
         _link_all(store, own, folder_of_crate / store.name)

@@ -71,8 +71,9 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             let before: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
             self.add_lobe(tile, &able, (&first, &before), lobes, origin);
             self.accept(tile, &able, &before, lobes, &mut found);
-            // A second lobe that the seeds have may be near the first lobe of a pixel: the search then
-            // ends in a poor minimum, and a lobe of another width is missed.
+            // A lobe like those of the seeds may be one that the pixel already has: the search then
+            // ends in a poor minimum, and a lobe of another width is missed. Without such seeds the
+            // search has started from the model's shapes already.
             if let (Starts::Neighbours { around, .. }, 2..) = (origin, lobes) {
                 let refused: Vec<usize> = able
                     .into_iter()
@@ -121,8 +122,8 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         }
     }
 
-    /// Adds lobes from the seeds around each pixel, and by multistart where the fit is then much
-    /// worse than the seeds' own.
+    /// Adds lobes from the seeds around each pixel, or from the model's best start where theirs are
+    /// refused, and by multistart where the fit is then much worse than the seeds' own.
     pub(super) fn select_from_seeds(
         &self,
         tile: &mut LobeFitTile,
