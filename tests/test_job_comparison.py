@@ -13,7 +13,7 @@ import impasto
 from impasto import jobs
 from impasto.cli import main
 from impasto.io import write_stack
-from impasto.jobs import meter
+from impasto.jobs import inspection, meter
 from impasto.jobs.journal import JOURNAL
 from killed_jobs import stack
 
@@ -81,3 +81,17 @@ def test_a_crate_that_exists_is_named_by_its_option(
     (tmp_path / "crate").mkdir()
     assert main(["job", "export", str(job), "--ro-crate", str(tmp_path / "crate")]) == 1
     assert f"--ro-crate: {tmp_path / 'crate'} already exists" in capsys.readouterr().err
+
+
+def test_photographs_that_nobody_asked_for_are_not_opened(
+    job: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They may lie on a disk that is not there any more."""
+
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(inspection, "_entries_of", refuse)
+    assert jobs.verify(job, inputs=False) == ()
+    with pytest.raises(PermissionError):
+        jobs.verify(job)
