@@ -250,13 +250,15 @@ def test_rooms_and_discs_are_those_of_the_cpu(shadows: bool) -> None:
         Scene(environment=gallery.rotated(1.0), shadows=shadows),
         Scene(environment=gallery, shadows=shadows),
     ]
-    for scene in scenes:
+    for number, scene in enumerate(scenes):
         expected = impasto.render(surface, scene)
         found = renderer.frame(scene)
         assert abs(found.display.astype(int) - expected.display).max() <= 1
         assert expected.display.std() > 5
-        alone = impasto.render(surface, scene, backend="gpu", output="light")
-        np.testing.assert_allclose(alone.xyz, expected.xyz, atol=SINGLE * expected.xyz.max())
+        # A single picture has nothing left of the one before: no scene need come again.
+        if number < 3:
+            alone = impasto.render(surface, scene, backend="gpu", output="light")
+            np.testing.assert_allclose(alone.xyz, expected.xyz, atol=SINGLE * expected.xyz.max())
 
 
 def test_what_a_renderer_cannot_do_is_said() -> None:
