@@ -58,6 +58,11 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def command(source: Path, out: Path) -> list[str]:
+    """The job of ``NONE`` on the command line."""
+    return ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
+
+
 @pytest.fixture(scope="module")
 def expected(source: Path) -> dict[str, str]:
     """The bytes of a local job."""
@@ -175,7 +180,7 @@ def test_the_command_line_joins_a_running_scheduler(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "a.zarr"
-    words = ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
+    words = command(source, out)
     assert main([*words, "--scheduler", cluster.scheduler_address, "--quiet"]) == 0
     assert tree(out) == expected
     monkeypatch.setattr(client_side, "PATIENCE", 0.5)
@@ -195,7 +200,7 @@ def test_a_scheduler_without_workers_is_told(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / "a.zarr"
-    words = ["job", "run", str(source), "--out", str(out), "--pooling", "none", "--tile", "32"]
+    words = command(source, out)
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as empty:
         say = Stages.say
 

@@ -66,9 +66,8 @@ def test_a_comparison_tells_how_many_bytes_are_read(job: Path, tmp_path: Path) -
 def test_missing_files_count_nothing_and_changed_ones_once(job: Path, tmp_path: Path) -> None:
     copy = tmp_path / "b.zarr"
     shutil.copytree(job, copy)
-    first, second = sorted(path for path in (copy / "normal" / "c").rglob("*") if path.is_file())[
-        :2
-    ]
+    shards = (path for path in (copy / "normal" / "c").rglob("*") if path.is_file())
+    first, second = sorted(shards)[:2]
     first.unlink()
     second.write_bytes(second.read_bytes() + b"!")
     seen = reported(lambda progress: jobs.verify(copy, inputs=False, progress=progress))

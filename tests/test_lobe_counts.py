@@ -86,7 +86,7 @@ def test_a_small_part_with_two_lobes_keeps_them_around_seeds(top: int, left: int
 def test_a_second_lobe_unlike_those_of_the_seeds_is_found() -> None:
     """Three pixels in ten have a narrow second lobe, the others a broad one.
 
-    A search from the seeds' shapes alone finds a sixth fewer narrow ones than multistart does.
+    A search from the seeds' shapes alone finds fewer narrow ones than multistart does.
     """
     narrow = np.random.default_rng(0).random(SHAPE) < 0.3
     stack = lit(0.1, np.where(narrow, 3.0, 6.0), np.where(narrow, 0.03, 0.22))

@@ -62,7 +62,7 @@ class Effort:
         Precision of the searches for a pixel's normal and lobes (``pooling="pixel"``).
         ``"single"`` ends where the next step would be shorter than a tenth of a standard deviation.
         ``"polished"``: the last round continues in double precision with up to as many steps again;
-        it takes 1.5 times as long. ``"double"``: every search is in double precision; it takes 2.0
+        it takes 1.4 times as long. ``"double"``: every search is in double precision; it takes 2.0
         times as long. With enough steps these two end within 1e-11 of the least cost. All three
         predict held-out photographs equally well.
         Samples, weights and results are always in single precision; ``converged`` is stricter in

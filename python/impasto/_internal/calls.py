@@ -12,7 +12,10 @@ from impasto._internal.checks import is_whole
 from impasto.errors import ArgumentError
 
 ProgressCallback: TypeAlias = Callable[[int, int], object]
-"""Called with (done, total), in tiles unless a call says otherwise; about twenty times a second."""
+"""Called with (done, total), in tiles unless a call says otherwise.
+
+At most about twenty times a second.
+"""
 
 MOST_THREADS = 64
 
