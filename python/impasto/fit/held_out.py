@@ -311,14 +311,13 @@ def log_ratios(
 ) -> NDArray[np.float64]:
     """``(obs,)`` median logarithm of sample / expected sample; NaN where no pixel determines it."""
     even = expected / intensities.reshape(-1, *[1] * (expected.ndim - 1))
-    with np.errstate(invalid="ignore"):
-        dim = DIM * even.mean(axis=0)
-    log = np.full(len(samples), np.nan)
-    for photograph, (sample, one) in enumerate(zip(samples, expected, strict=True)):
-        usable = np.isfinite(sample) & (sample > 0.0) & (even[photograph] > dim)
-        if usable.any():
-            log[photograph] = float(np.median(np.log(sample[usable] / one[usable])))
-    return log
+    with np.errstate(divide="ignore", invalid="ignore"):
+        usable = np.isfinite(samples) & (samples > 0.0) & (even > DIM * even.mean(axis=0))
+        log = np.where(usable, np.log(samples / expected), np.nan)
+    rows = np.sort(log.reshape(len(log), -1), axis=1)  # NaN are last
+    count = np.count_nonzero(~np.isnan(rows), axis=1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=1)
+    return np.asarray(np.take_along_axis(rows, middle, axis=1).mean(axis=1))
 
 
 def fold_count(lights: int, fewest: int, folds: int) -> int:

@@ -272,7 +272,9 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
                 held[lane] = problem;
                 *busy |= 1 << lane;
                 fresh[lane] = S::one();
-                samples[lane] = S::from_f64(batch.samples(problem).max(1) as f64);
+                if options.offset > 0.0 {
+                    samples[lane] = S::from_f64(batch.samples(problem).max(1) as f64);
+                }
                 let start = batch.load(problem, &mut Column { block, lane, width: R::WIDTH });
                 for (starts, start) in starts.iter_mut().zip(start) {
                     starts[lane] = start;

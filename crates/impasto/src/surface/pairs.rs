@@ -85,7 +85,15 @@ impl<M: LobeModel, S: Scalar> Pairs<M, S> {
         self.seen[index].light.at(x, y)
     }
 
-    /// The same, and the pair of light and view.
+    /// Unit directions to the light and to the camera, from the points `(x, y, 0)` in mm.
+    #[must_use]
+    #[inline(always)]
+    pub fn directions<R: Real>(&self, index: usize, x: R, y: R) -> [Vec3<R>; 2] {
+        let Entry { light, view, .. } = &self.seen[index];
+        [light.at(x, y).0, view.at(x, y)]
+    }
+
+    /// Direction to the light, its irradiance, and the pair of light and view.
     #[must_use]
     #[inline(always)]
     pub fn at<R: Real>(&self, index: usize, x: R, y: R) -> (Vec3<R>, R, M::Pair<R>) {

@@ -1,424 +1,385 @@
-//! The Schur complement of the unknowns of a pixel, and how these follow the numbers of the rig.
+//! The Schur complement of the unknowns of pixels, one per lane, and how these follow the numbers of
+//! the rig.
 //!
 //! With derivatives `U` by the unknowns of a pixel and `D` by the rig, the unknowns follow the rig by
 //! `F = (U'U)^-1 U'D` of the photographs that are fitted. What is left of `D` in the photographs held
 //! is `D - U F`, whose normal equations are `D'D - H - H'` with `H = F' (U'D - U'U F / 2)`. The
 //! unknowns of different bands have no product, so `U'U` is an arrow: it is solved band by band.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "what adapters of iterators call does not have the kernel's instructions: twice the time"
-)]
-
-use nalgebra::{Matrix3, Vector3};
+#![allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
 
 use super::samples::{Layout, OWN, PixelSamples, Row, SHARED};
+use crate::math::Real;
 
 /// Relative addition to the diagonal of the equations of a pixel, which what is not determined makes
 /// singular.
 const RIDGE: f64 = 1e-4;
 
-type Square = [[f64; 3]; 3];
+type Square<R> = [[R; 3]; 3];
 
-/// Sums of products over some photographs of a pixel.
-struct Products {
-    shared: Square,
+/// Sums of products over some photographs of pixels.
+struct Products<R> {
+    shared: Square<R>,
     /// `(band, own, shared)`.
-    cross: Vec<Square>,
-    own: Vec<Square>,
-    /// `(unknown, number)`: with the numbers of the rig, the errors as one more of them.
-    by_rig: Vec<f64>,
+    cross: Vec<Square<R>>,
+    own: Vec<Square<R>>,
+    /// `(number, unknown)`: with the numbers of the rig, the errors as one more of them.
+    by_rig: Vec<R>,
 }
 
-impl Products {
+impl<R: Real> Products<R> {
     fn new(layout: Layout) -> Self {
+        let none = [[R::zero(); 3]; 3];
         Self {
-            shared: Square::default(),
-            cross: vec![Square::default(); layout.bands],
-            own: vec![Square::default(); layout.bands],
-            by_rig: vec![0.0; layout.unknowns() * (layout.numbers() + 1)],
+            shared: none,
+            cross: vec![none; layout.bands],
+            own: vec![none; layout.bands],
+            by_rig: vec![R::zero(); layout.unknowns() * layout.columns()],
         }
     }
 
     /// The products of the photographs whose `held` is `which`.
     #[inline(always)]
-    fn read(&mut self, pixel: &PixelSamples, held: &[bool], which: bool) {
-        let layout @ Layout { bands, places, strengths, .. } = pixel.layout;
-        let width = layout.numbers() + 1;
-        self.shared = Square::default();
-        self.cross.fill(Square::default());
-        self.own.fill(Square::default());
-        self.by_rig.fill(0.0);
+    fn read(&mut self, pixels: &PixelSamples<R>, held: &[bool], which: bool) {
+        let layout @ Layout { bands, places, strengths, .. } = pixels.layout;
+        let none = [[R::zero(); 3]; 3];
+        self.shared = none;
+        self.cross.fill(none);
+        self.own.fill(none);
+        self.by_rig.fill(R::zero());
         for observation in 0..held.len() {
             if held[observation] != which {
                 continue;
             }
             for band in 0..bands {
                 let number = observation * bands + band;
-                let row = &pixel.rows[number];
-                let by_place = pixel.places_of(number);
+                let row = &pixels.rows[number];
                 let [cross, own] = [&mut self.cross[band], &mut self.own[band]];
                 for i in 0..3 {
                     for j in 0..3 {
-                        self.shared[i][j] += row.shared[i] * row.shared[j];
-                        cross[i][j] += row.own[i] * row.shared[j];
-                        own[i][j] += row.own[i] * row.own[j];
+                        self.shared[i][j] = row.shared[i].mul_add(row.shared[j], self.shared[i][j]);
+                        cross[i][j] = row.own[i].mul_add(row.shared[j], cross[i][j]);
+                        own[i][j] = row.own[i].mul_add(row.own[j], own[i][j]);
                     }
                 }
-                for k in 0..SHARED + OWN {
-                    let (unknown, slope) = if k < SHARED {
-                        (k, row.shared[k])
-                    } else {
-                        (k + OWN * band, row.own[k - SHARED])
-                    };
-                    let line = &mut self.by_rig[unknown * width..(unknown + 1) * width];
-                    for place in 0..places {
-                        line[place] += slope * by_place[place];
-                    }
-                    if strengths {
-                        // A strength changes its own photograph alone.
-                        line[places + observation] += slope * row.lamp;
-                    }
-                    line[width - 1] += slope * row.error;
+                let by_place = pixels.places_of(number);
+                for place in 0..places {
+                    self.add(layout, place, band, row, by_place[place]);
                 }
+                if strengths {
+                    // A strength changes its own photograph alone.
+                    self.add(layout, places + observation, band, row, row.lamp);
+                }
+                self.add(layout, layout.numbers(), band, row, row.error);
             }
         }
     }
 
-    fn diagonal(&self, unknown: usize) -> f64 {
-        match unknown.checked_sub(SHARED) {
-            None => self.shared[unknown][unknown],
-            Some(own) => self.own[own / OWN][own % OWN][own % OWN],
+    /// Adds the products of a row with its derivative by one number of the rig.
+    #[inline(always)]
+    fn add(&mut self, layout: Layout, number: usize, band: usize, row: &Row<R>, slope: R) {
+        let first = number * layout.unknowns();
+        let shared = &mut self.by_rig[first..first + SHARED];
+        for k in 0..SHARED {
+            shared[k] = row.shared[k].mul_add(slope, shared[k]);
+        }
+        let first = first + SHARED + OWN * band;
+        let own = &mut self.by_rig[first..first + OWN];
+        for k in 0..OWN {
+            own[k] = row.own[k].mul_add(slope, own[k]);
+        }
+    }
+
+    /// Subtracts half of `U'U` times some unknowns from `out`.
+    #[inline(always)]
+    fn take_half(&self, unknowns: &[R], out: &mut [R]) {
+        let half = R::of(-0.5);
+        for i in 0..SHARED {
+            for j in 0..SHARED {
+                out[i] = (half * self.shared[i][j]).mul_add(unknowns[j], out[i]);
+            }
+        }
+        for band in 0..self.own.len() {
+            let first = SHARED + OWN * band;
+            for i in 0..OWN {
+                for j in 0..OWN {
+                    let (own, cross) = (half * self.own[band][i][j], half * self.cross[band][i][j]);
+                    out[first + i] = own.mul_add(unknowns[first + j], out[first + i]);
+                    out[first + i] = cross.mul_add(unknowns[j], out[first + i]);
+                    out[j] = cross.mul_add(unknowns[first + i], out[j]);
+                }
+            }
         }
     }
 }
 
-/// How the unknowns of a pixel follow the rig.
-pub(super) struct Followed {
-    layout: Layout,
-    held: Products,
-    fitted: Products,
-    /// `(unknown, number)`: `F`, and `U'D - U'U F / 2`.
-    follow: Vec<f64>,
-    half: Vec<f64>,
-    /// `(number)`: squares of the derivatives by the rig if nothing followed.
-    alone: Vec<f64>,
-    /// Whether any sample counts.
-    any: bool,
+/// The inverse of `U'U` with a ridge: `(U'U)^-1 = [C, -C K'; -K C, M + K C K']` with `C` the inverse
+/// of the complement of what bands share, `M` the inverses of what they do not, and `K = M X` with
+/// the products `X` of both.
+struct Arrow<R> {
+    complement: Square<R>,
+    own: Vec<Square<R>>,
+    solved: Vec<Square<R>>,
 }
 
-impl Followed {
+impl<R: Real> Arrow<R> {
+    fn new(layout: Layout) -> Self {
+        let none = [[R::zero(); 3]; 3];
+        Self { complement: none, own: vec![none; layout.bands], solved: vec![none; layout.bands] }
+    }
+
+    /// Of the photographs `fitted`, each unknown scaled by its size there and in those `held`, if
+    /// there are others.
+    #[inline(always)]
+    fn set(&mut self, fitted: &Products<R>, held: Option<&Products<R>>) {
+        let by_shared = scales(&fitted.shared, held.map(|held| &held.shared));
+        let mut complement = scaled(&fitted.shared, &by_shared, &by_shared);
+        add_ridge(&mut complement);
+        for band in 0..self.own.len() {
+            let by_own = scales(&fitted.own[band], held.map(|held| &held.own[band]));
+            let mut own = scaled(&fitted.own[band], &by_own, &by_own);
+            add_ridge(&mut own);
+            let own = scaled(&inverted(&own), &by_own, &by_own);
+            let cross = &fitted.cross[band];
+            let solved = product(&own, cross);
+            for i in 0..3 {
+                for j in 0..3 {
+                    for k in 0..3 {
+                        let less = cross[k][i] * solved[k][j];
+                        complement[i][j] = complement[i][j] - by_shared[i] * less * by_shared[j];
+                    }
+                }
+            }
+            (self.own[band], self.solved[band]) = (own, solved);
+        }
+        self.complement = scaled(&inverted(&complement), &by_shared, &by_shared);
+    }
+
+    /// The unknowns that solve the equations with one right-hand side.
+    #[inline(always)]
+    fn solve(&self, right: &[R], out: &mut [R]) {
+        let mut shared = [right[0], right[1], right[2]];
+        for band in 0..self.own.len() {
+            let first = SHARED + OWN * band;
+            for i in 0..OWN {
+                for j in 0..SHARED {
+                    shared[j] = (-self.solved[band][i][j]).mul_add(right[first + i], shared[j]);
+                }
+            }
+        }
+        for i in 0..SHARED {
+            out[i] = R::zero();
+            for j in 0..SHARED {
+                out[i] = self.complement[i][j].mul_add(shared[j], out[i]);
+            }
+        }
+        for band in 0..self.own.len() {
+            let first = SHARED + OWN * band;
+            for i in 0..OWN {
+                let mut value = R::zero();
+                for j in 0..OWN {
+                    value = self.own[band][i][j].mul_add(right[first + j], value);
+                    value = (-self.solved[band][i][j]).mul_add(out[j], value);
+                }
+                out[first + i] = value;
+            }
+        }
+    }
+}
+
+/// One over the sizes of three unknowns.
+#[inline(always)]
+fn scales<R: Real>(own: &Square<R>, held: Option<&Square<R>>) -> [R; 3] {
+    let mut scales = [R::one(); 3];
+    for i in 0..3 {
+        // What shows in the photographs held alone, as a highlight may, does not follow.
+        let squared = match held {
+            Some(held) => own[i][i] + held[i][i],
+            None => own[i][i],
+        };
+        let size = squared.sqrt();
+        scales[i] = R::select(size.gt(R::zero()), size.recip(), R::one());
+    }
+    scales
+}
+
+#[inline(always)]
+fn add_ridge<R: Real>(matrix: &mut Square<R>) {
+    for i in 0..3 {
+        matrix[i][i] = matrix[i][i] + R::of(RIDGE);
+    }
+}
+
+#[inline(always)]
+fn scaled<R: Real>(matrix: &Square<R>, rows: &[R; 3], columns: &[R; 3]) -> Square<R> {
+    let mut out = *matrix;
+    for i in 0..3 {
+        for j in 0..3 {
+            out[i][j] = rows[i] * matrix[i][j] * columns[j];
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn product<R: Real>(left: &Square<R>, right: &Square<R>) -> Square<R> {
+    let mut out = [[R::zero(); 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            for k in 0..3 {
+                out[i][j] = left[i][k].mul_add(right[k][j], out[i][j]);
+            }
+        }
+    }
+    out
+}
+
+/// The inverse, by cofactors, of equations with a ridge; what has none, by an overflow, follows
+/// nothing.
+#[inline(always)]
+fn inverted<R: Real>(matrix: &Square<R>) -> Square<R> {
+    let mut cofactors = [[R::zero(); 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            let ([a, b], [c, d]) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
+            cofactors[i][j] = matrix[a][c] * matrix[b][d] - matrix[a][d] * matrix[b][c];
+        }
+    }
+    let mut determinant = R::zero();
+    for j in 0..3 {
+        determinant = matrix[0][j].mul_add(cofactors[0][j], determinant);
+    }
+    let inverse = determinant.recip();
+    let exists = inverse.is_finite();
+    let mut out = cofactors;
+    for i in 0..3 {
+        for j in 0..3 {
+            out[i][j] = R::keep(exists, cofactors[j][i] * inverse);
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn add_product<R: Real>(sums: &mut [R], at: usize, left: R, right: R) {
+    sums[at] = left.mul_add(right, sums[at]);
+}
+
+/// How the unknowns of pixels, one per lane, follow the rig.
+pub(super) struct Followed<R: Real> {
+    pub(super) layout: Layout,
+    held: Products<R>,
+    fitted: Products<R>,
+    arrow: Arrow<R>,
+    /// `(number, unknown)`: `F`, and `U'D - U'U F / 2`.
+    pub(super) follow: Vec<R>,
+    pub(super) half: Vec<R>,
+    /// `D'D`, and the products of `D` with the errors, as [`Layout::direct`] numbers them.
+    pub(super) direct: Vec<R>,
+    /// Whether any sample counts.
+    pub(super) any: R::Mask,
+}
+
+impl<R: Real> Followed<R> {
     pub(super) fn new(layout: Layout) -> Self {
-        let size = layout.unknowns() * (layout.numbers() + 1);
+        let zero = R::zero();
+        let size = layout.unknowns() * layout.columns();
         Self {
             layout,
             held: Products::new(layout),
             fitted: Products::new(layout),
-            follow: vec![0.0; size],
-            half: vec![0.0; size],
-            alone: vec![0.0; layout.numbers()],
-            any: false,
+            arrow: Arrow::new(layout),
+            follow: vec![zero; size],
+            half: vec![zero; size],
+            direct: vec![zero; layout.direct_products()],
+            any: zero.lt(zero),
         }
     }
 
-    /// Follows a pixel whose photographs `held` are to be explained.
+    /// Follows pixels whose photographs `held` are to be explained.
     #[inline(always)]
-    pub(super) fn solve(&mut self, pixel: &PixelSamples, held: &[bool]) {
-        let all = held.iter().all(|&held| held);
-        self.held.read(pixel, held, true);
-        if !all {
-            self.fitted.read(pixel, held, false);
+    pub(super) fn solve(&mut self, pixels: &PixelSamples<R>, held: &[bool]) {
+        let zero = R::zero();
+        let mut all = true;
+        for observation in 0..held.len() {
+            all &= held[observation];
         }
-        self.any = pixel.rows.iter().any(|row| row.own[1] != 0.0 || row.lamp != 0.0);
-        self.set_alone(pixel, held);
-        let fitted = if all { &self.held } else { &self.fitted };
-        let scale: Vec<f64> = (0..self.layout.unknowns())
-            .map(|unknown| {
-                // What shows in the photographs held alone, as a highlight may, does not follow.
-                let more = if all { 0.0 } else { fitted.diagonal(unknown) };
-                let size = (self.held.diagonal(unknown) + more).sqrt();
-                if size > 0.0 { size } else { 1.0 }
-            })
-            .collect();
-        follow(self.layout, fitted, &scale, all, &mut self.follow);
-        self.set_half();
+        self.held.read(pixels, held, true);
+        if all {
+            self.arrow.set(&self.held, None);
+        } else {
+            self.fitted.read(pixels, held, false);
+            self.arrow.set(&self.fitted, Some(&self.held));
+        }
+        self.any = zero.lt(zero);
+        for row in 0..pixels.rows.len() {
+            let Row { own, lamp, .. } = &pixels.rows[row];
+            for slope in [own[1], *lamp] {
+                self.any = self.any | slope.gt(zero) | slope.lt(zero);
+            }
+        }
+        self.set_direct(pixels, held);
+        let unknowns = self.layout.unknowns();
+        for number in 0..self.layout.columns() {
+            let own = number * unknowns..(number + 1) * unknowns;
+            let follow = &mut self.follow[own.clone()];
+            if number == self.layout.numbers() && !all {
+                // Photographs that are fitted are at their least squares.
+                follow.fill(zero);
+            } else {
+                let fitted = if all { &self.held } else { &self.fitted };
+                self.arrow.solve(&fitted.by_rig[own.clone()], follow);
+            }
+            let half = &mut self.half[own.clone()];
+            half.copy_from_slice(&self.held.by_rig[own]);
+            self.held.take_half(follow, half);
+        }
     }
 
     #[inline(always)]
-    fn set_alone(&mut self, pixel: &PixelSamples, held: &[bool]) {
-        let Layout { bands, places, strengths, .. } = self.layout;
-        self.alone.fill(0.0);
+    fn set_direct(&mut self, pixels: &PixelSamples<R>, held: &[bool]) {
+        let layout @ Layout { bands, places, strengths, .. } = self.layout;
+        self.direct.fill(R::zero());
+        let direct = &mut self.direct;
         for observation in 0..held.len() {
             if !held[observation] {
                 continue;
             }
-            for number in observation * bands..(observation + 1) * bands {
-                let by_place = pixel.places_of(number);
-                for place in 0..places {
-                    self.alone[place] += by_place[place] * by_place[place];
+            let lamp_number = places + observation;
+            for row in observation * bands..(observation + 1) * bands {
+                let Row { error, lamp, .. } = pixels.rows[row];
+                let by_place = pixels.places_of(row);
+                for i in 0..places {
+                    for j in i..places {
+                        add_product(direct, layout.direct(i, j), by_place[i], by_place[j]);
+                    }
+                    add_product(direct, layout.direct(i, layout.numbers()), by_place[i], error);
+                    if strengths {
+                        add_product(direct, layout.direct(i, lamp_number), by_place[i], lamp);
+                    }
                 }
                 if strengths {
-                    let lamp = pixel.rows[number].lamp;
-                    self.alone[places + observation] += lamp * lamp;
-                }
-            }
-        }
-    }
-
-    /// `U'D - U'U F / 2` of the photographs held.
-    #[inline(always)]
-    fn set_half(&mut self) {
-        let Self { layout, held, follow, half, .. } = self;
-        let width = layout.numbers() + 1;
-        half.copy_from_slice(&held.by_rig);
-        let mut take = |row: usize, column: usize, product: f64| {
-            let line = &mut half[row * width..(row + 1) * width];
-            add_line(line, -0.5 * product, &follow[column * width..]);
-        };
-        for s in 0..SHARED {
-            for t in 0..SHARED {
-                take(s, t, held.shared[s][t]);
-            }
-        }
-        for (band, (cross, own)) in held.cross.iter().zip(&held.own).enumerate() {
-            let first = SHARED + OWN * band;
-            for k in 0..OWN {
-                for s in 0..SHARED {
-                    take(first + k, s, cross[k][s]);
-                    take(s, first + k, cross[k][s]);
-                }
-                for l in 0..OWN {
-                    take(first + k, first + l, own[k][l]);
+                    add_product(direct, layout.direct(lamp_number, lamp_number), lamp, lamp);
+                    add_product(direct, layout.direct(lamp_number, layout.numbers()), lamp, error);
                 }
             }
         }
     }
 
     /// Sums of squares of what is left of the derivatives: by every inverse distance, and by all
-    /// strengths together; `None` of a pixel without a sample that counts.
+    /// strengths together; into `(number)`.
     #[inline(always)]
-    pub(super) fn leverage(&self) -> Option<Vec<f64>> {
-        let Self { layout, follow, half, alone, any, .. } = self;
-        let width = layout.numbers() + 1;
-        let mut left = alone.clone();
-        for (follow, half) in follow.chunks_exact(width).zip(half.chunks_exact(width)) {
-            for (left, (&follow, &half)) in left.iter_mut().zip(follow.iter().zip(half)) {
-                *left -= 2.0 * follow * half;
+    pub(super) fn leverage(&self, out: &mut [R]) {
+        let Self { layout, follow, half, direct, .. } = self;
+        let unknowns = layout.unknowns();
+        out.fill(R::zero());
+        for number in 0..layout.numbers() {
+            let mut left = direct[layout.direct(number, number)];
+            for unknown in number * unknowns..(number + 1) * unknowns {
+                left = (R::of(-2.0) * follow[unknown]).mul_add(half[unknown], left);
             }
-        }
-        let lamps = left.split_off(layout.places).into_iter().sum();
-        left.push(lamps);
-        any.then_some(left)
-    }
-}
-
-/// `F` of the scaled equations with a ridge, into `out`.
-#[inline(always)]
-fn follow(layout: Layout, fitted: &Products, scale: &[f64], errors: bool, out: &mut [f64]) {
-    let width = layout.numbers() + 1;
-    for ((out, line), scale) in
-        out.chunks_exact_mut(width).zip(fitted.by_rig.chunks_exact(width)).zip(scale)
-    {
-        let shrink = scale.recip();
-        for (out, &value) in out.iter_mut().zip(line) {
-            *out = shrink * value;
-        }
-        if !errors {
-            // Photographs that are fitted are at their least squares.
-            out[width - 1] = 0.0;
-        }
-    }
-    let (shared, own) = out.split_at_mut(SHARED * width);
-    let scale_of = |first: usize| {
-        Matrix3::from_diagonal(
-            &Vector3::from_column_slice(&scale[first..first + OWN]).map(f64::recip),
-        )
-    };
-    let ridge = Matrix3::identity() * RIDGE;
-    let by_shared = scale_of(0);
-    let mut complement = by_shared * matrix_of(&fitted.shared) * by_shared + ridge;
-    let mut solved = Vec::with_capacity(layout.bands);
-    for (band, lines) in own.chunks_exact_mut(OWN * width).enumerate() {
-        let by_own = scale_of(SHARED + OWN * band);
-        let inverse = inverted(&(by_own * matrix_of(&fitted.own[band]) * by_own + ridge));
-        let cross = by_own * matrix_of(&fitted.cross[band]) * by_shared;
-        multiply(&inverse, lines, width);
-        subtract(shared, &cross.transpose(), lines, width);
-        solved.push(inverse * cross);
-        complement -= cross.transpose() * inverse * cross;
-    }
-    multiply(&inverted(&complement), shared, width);
-    for (solved, lines) in solved.iter().zip(own.chunks_exact_mut(OWN * width)) {
-        subtract(lines, solved, shared, width);
-    }
-    for (out, scale) in out.chunks_exact_mut(width).zip(scale) {
-        let shrink = scale.recip();
-        for value in out {
-            *value *= shrink;
-        }
-    }
-}
-
-fn matrix_of(rows: &Square) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| rows[i][j])
-}
-
-/// The inverse of equations with a ridge; what has none, by an overflow, follows nothing.
-#[inline(always)]
-fn inverted(matrix: &Matrix3<f64>) -> Matrix3<f64> {
-    matrix.try_inverse().unwrap_or_else(Matrix3::zeros)
-}
-
-/// Replaces three lines by `matrix` times them.
-#[inline(always)]
-fn multiply(matrix: &Matrix3<f64>, lines: &mut [f64], width: usize) {
-    let rows: Square = core::array::from_fn(|i| core::array::from_fn(|j| matrix[(i, j)]));
-    let (first, rest) = lines.split_at_mut(width);
-    let (second, third) = rest.split_at_mut(width);
-    for i in 0..width {
-        let [x, y, z] = [first[i], second[i], third[i]];
-        first[i] = rows[0][0] * x + rows[0][1] * y + rows[0][2] * z;
-        second[i] = rows[1][0] * x + rows[1][1] * y + rows[1][2] * z;
-        third[i] = rows[2][0] * x + rows[2][1] * y + rows[2][2] * z;
-    }
-}
-
-/// Subtracts `matrix` times three lines from three others.
-#[inline(always)]
-fn subtract(lines: &mut [f64], matrix: &Matrix3<f64>, others: &[f64], width: usize) {
-    for i in 0..3 {
-        for j in 0..3 {
-            let line = &mut lines[i * width..(i + 1) * width];
-            add_line(line, -matrix[(i, j)], &others[j * width..]);
-        }
-    }
-}
-
-/// Adds `factor` times a line to another.
-#[inline(always)]
-fn add_line(line: &mut [f64], factor: f64, other: &[f64]) {
-    let other = &other[..line.len()];
-    for i in 0..line.len() {
-        line[i] += factor * other[i];
-    }
-}
-
-/// Weights of pixels: bounded influence [@krasker1982bounded], as Mallows weighs.
-///
-/// A few pixels whose lobe the fitted photographs hardly determine would follow the rig without
-/// bound, and the rig hardly move.
-pub(super) fn bounded(leverage: &[Option<Vec<f64>>]) -> Vec<f64> {
-    let known: Vec<&Vec<f64>> = leverage.iter().flatten().collect();
-    let usual: Vec<f64> = (0..known.first().map_or(0, |first| first.len()))
-        .map(|number| median(known.iter().map(|of| of[number]).collect()))
-        .collect();
-    let weight = |of: &Vec<f64>| {
-        let times = of.iter().zip(&usual).filter(|(_, usual)| **usual > 0.0);
-        times.map(|(of, usual)| of / usual).fold(1.0, f64::max).recip()
-    };
-    leverage.iter().map(|of| of.as_ref().map_or(1.0, weight)).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let (low, high) = ((values.len() - 1) / 2, values.len() / 2);
-    0.5 * (values[low] + values[high])
-}
-
-/// Normal equations of a rig: the inverse distances that are free, then the logarithms of strengths.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RigEquations {
-    /// Row by row; symmetric.
-    pub matrix: Vec<f64>,
-    /// As many numbers as it has rows.
-    pub right: Vec<f64>,
-}
-
-/// Sums over pixels.
-pub(super) struct Sums {
-    layout: Layout,
-    /// `D'D` above its diagonal, `(number, number)`.
-    rig: Vec<f64>,
-    /// `H`.
-    half: Vec<f64>,
-}
-
-impl Sums {
-    pub(super) fn new(layout: Layout) -> Self {
-        let size = (layout.numbers() + 1).pow(2);
-        Self { layout, rig: vec![0.0; size], half: vec![0.0; size] }
-    }
-
-    /// Adds a pixel that has followed the rig.
-    #[inline(always)]
-    pub(super) fn add_pixel(
-        &mut self,
-        pixel: &PixelSamples,
-        followed: &Followed,
-        held: &[bool],
-        weight: f64,
-    ) {
-        if !followed.any {
-            return;
-        }
-        let Layout { bands, places, strengths, .. } = self.layout;
-        let width = self.layout.numbers() + 1;
-        let last = width - 1;
-        for observation in 0..held.len() {
-            if !held[observation] {
-                continue;
-            }
-            let lamp_at = places + observation;
-            for number in observation * bands..(observation + 1) * bands {
-                let Row { error, lamp, .. } = pixel.rows[number];
-                let by_place = pixel.places_of(number);
-                for i in 0..places {
-                    let line = &mut self.rig[i * width..(i + 1) * width];
-                    let heavy = weight * by_place[i];
-                    for j in i..places {
-                        line[j] += heavy * by_place[j];
-                    }
-                    line[last] += heavy * error;
-                    if strengths {
-                        line[lamp_at] += heavy * lamp;
-                    }
-                }
-                if strengths {
-                    let line = &mut self.rig[lamp_at * width..(lamp_at + 1) * width];
-                    line[lamp_at] += weight * lamp * lamp;
-                    line[last] += weight * lamp * error;
-                }
-            }
-        }
-        for unknown in 0..self.layout.unknowns() {
-            let lines = unknown * width..(unknown + 1) * width;
-            let (follow, half) = (&followed.follow[lines.clone()], &followed.half[lines]);
-            for i in 0..width {
-                let total = &mut self.half[i * width..(i + 1) * width];
-                add_line(total, weight * follow[i], half);
-            }
-        }
-    }
-
-    /// Adds the sums of other pixels.
-    pub(super) fn add(&mut self, other: &Self) {
-        for (total, other) in [(&mut self.rig, &other.rig), (&mut self.half, &other.half)] {
-            total.iter_mut().zip(other).for_each(|(total, other)| *total += other);
-        }
-    }
-
-    /// The normal equations.
-    pub(super) fn equations(&self) -> RigEquations {
-        let numbers = self.layout.numbers();
-        let width = numbers + 1;
-        let left = |i: usize, j: usize| {
-            let [above, below] = [i.min(j) * width + i.max(j), i.max(j) * width + i.min(j)];
-            self.rig[above] - self.half[above] - self.half[below]
-        };
-        let matrix = (0..numbers).flat_map(|i| (0..numbers).map(move |j| left(i, j)));
-        RigEquations {
-            matrix: matrix.collect(),
-            right: (0..numbers).map(|i| left(i, numbers)).collect(),
+            let kind = number.min(layout.places);
+            out[kind] = out[kind] + left;
         }
     }
 }

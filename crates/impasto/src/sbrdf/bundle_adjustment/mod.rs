@@ -8,25 +8,27 @@
 //! For photographs held out, the unknowns follow the photographs that are fitted.
 
 mod elimination;
+mod influence;
 mod problem;
 mod samples;
+mod sums;
 #[cfg(test)]
 mod tests;
 
-use core::marker::PhantomData;
 use core::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::geometry::Rig;
-use crate::math::lanes::Isa;
-use crate::math::{Kernel, Real};
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Mask, Real};
 use crate::pixels::Run;
 use crate::surface::{Model, Pairs, TorranceSparrow};
 
-pub use elimination::RigEquations;
-use elimination::{Followed, Sums};
+use elimination::Followed;
 pub use problem::{Adjustment, LobeProfile};
-use samples::{Block, PixelSamples, Samples};
+use samples::{PixelSamples, Samples};
+pub use sums::RigEquations;
+use sums::{Lines, Sums};
 
 /// Parts of the pixels whose sums are formed by themselves: as many as keep some threads busy, and so
 /// few that the sums of hundreds of lamps need little memory. The result does not depend on threads.
@@ -53,7 +55,7 @@ impl Adjustment<'_> {
             let leverage =
                 |(): &mut (), pixels| run.level.run(Leverage { samples: &samples, pixels });
             let found = run.map(parts(), || (), leverage)?;
-            Some(elimination::bounded(&run.joined(found)?))
+            Some(influence::bounded(&run.joined(found)?))
         };
         let weights = weights.as_deref();
         let sums = run.map(
@@ -123,11 +125,23 @@ impl Kernel for Leverage<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Self::Output {
-        let mut found = Vec::with_capacity(self.pixels.len());
-        let mut follower = Follower::<I::F64>::new(self.samples);
-        for number in self.pixels {
-            follower.follow(number);
-            found.push(follower.followed.leverage());
+        let Self { samples, pixels } = self;
+        let layout = samples.layout();
+        let mut follower = Follower::<I::F64>::new(samples);
+        let kinds = layout.places + 1;
+        let mut left = vec![I::F64::zero(); kinds];
+        let mut lanes = vec![[0.0; MAX_LANES]; kinds];
+        let mut found = Vec::with_capacity(pixels.len());
+        for first in pixels.clone().step_by(I::F64::WIDTH) {
+            follower.follow(first);
+            follower.followed.leverage(&mut left);
+            for kind in 0..kinds {
+                left[kind].store(&mut lanes[kind]);
+            }
+            for lane in 0..I::F64::WIDTH.min(pixels.end - first) {
+                let any = follower.followed.any.lane(lane);
+                found.push(any.then(|| lanes.iter().map(|kind| kind[lane]).collect()));
+            }
         }
         found
     }
@@ -145,51 +159,43 @@ impl Kernel for Reduce<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Sums {
-        let mut sums = Sums::new(self.samples.layout());
-        let mut follower = Follower::<I::F64>::new(self.samples);
-        for number in self.pixels {
-            follower.follow(number);
-            let weight = self.weights.map_or(1.0, |weights| weights[number]);
-            let held = self.samples.adjustment.held;
-            sums.add_pixel(&follower.pixel, &follower.followed, held, weight);
+        let Self { samples, weights, pixels } = self;
+        let layout = samples.layout();
+        let mut sums = Sums::new(layout);
+        let mut lines = Lines::new(layout, I::F64::WIDTH);
+        let mut follower = Follower::<I::F64>::new(samples);
+        for first in pixels.clone().step_by(I::F64::WIDTH) {
+            follower.follow(first);
+            let mut own = [0.0; MAX_LANES];
+            let count = I::F64::WIDTH.min(pixels.end - first);
+            for lane in 0..count {
+                if follower.followed.any.lane(lane) {
+                    own[lane] = weights.map_or(1.0, |weights| weights[first + lane]);
+                }
+            }
+            sums.add_pixels(&follower.followed, &own[..count], &mut lines);
         }
         sums
     }
 }
 
-/// One pixel after another: they are read side by side, in lanes.
-struct Follower<'a, R> {
+/// Some pixels after others, side by side in lanes.
+struct Follower<'a, R: Real> {
     samples: &'a Samples<'a>,
-    block: Block,
-    /// The pixels of the block.
-    inside: Range<usize>,
-    pixel: PixelSamples,
-    followed: Followed,
-    lanes: PhantomData<R>,
+    pixels: PixelSamples<R>,
+    followed: Followed<R>,
 }
 
 impl<'a, R: Real<Scalar = f64>> Follower<'a, R> {
     fn new(samples: &'a Samples<'a>) -> Self {
         let layout = samples.layout();
-        Self {
-            samples,
-            block: Block::new(layout, R::WIDTH),
-            inside: 0..0,
-            pixel: PixelSamples::new(layout),
-            followed: Followed::new(layout),
-            lanes: PhantomData,
-        }
+        Self { samples, pixels: PixelSamples::new(layout), followed: Followed::new(layout) }
     }
 
-    /// Reads a pixel and follows it.
+    /// Reads the pixels from `first` on and follows them.
     #[inline(always)]
-    fn follow(&mut self, number: usize) {
-        if !self.inside.contains(&number) {
-            self.samples.read_block::<R>(number, &mut self.block);
-            self.inside = number..number + R::WIDTH;
-        }
-        let lane = number - self.inside.start;
-        self.samples.read(number, (&self.block, lane), &mut self.pixel);
-        self.followed.solve(&self.pixel, self.samples.adjustment.held);
+    fn follow(&mut self, first: usize) {
+        self.samples.read(first, &mut self.pixels);
+        self.followed.solve(&self.pixels, self.samples.adjustment.held);
     }
 }

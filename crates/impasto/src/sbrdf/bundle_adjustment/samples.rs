@@ -33,6 +33,32 @@ impl Layout {
         self.places + if self.strengths { self.observations } else { 0 }
     }
 
+    /// The same, and the errors as one more of them.
+    pub(super) fn columns(&self) -> usize {
+        self.numbers() + 1
+    }
+
+    /// Whether some sample depends on two columns, the first of them not the larger: a strength changes
+    /// its own photograph alone.
+    pub(super) fn share_samples(&self, first: usize, second: usize) -> bool {
+        first < self.places || first == second || second == self.numbers()
+    }
+
+    /// The number of the product of two columns that share samples.
+    #[inline(always)]
+    pub(super) fn direct(&self, first: usize, second: usize) -> usize {
+        if first < self.places {
+            return first * self.columns() + second;
+        }
+        let own = self.places * self.columns() + 2 * (first - self.places);
+        if first == second { own } else { own + 1 }
+    }
+
+    /// How many products there are.
+    pub(super) fn direct_products(&self) -> usize {
+        self.places * self.columns() + 2 * (self.numbers() - self.places)
+    }
+
     /// Unknowns of a pixel: the shared ones, then those of each band.
     pub(super) fn unknowns(&self) -> usize {
         SHARED + OWN * self.bands
@@ -50,36 +76,47 @@ pub(super) struct Samples<'a> {
 }
 
 /// The weighted error of one sample, and its derivatives.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Row {
-    pub(super) error: f64,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row<R> {
+    pub(super) error: R,
     /// By the unknowns that all bands share, and by those of its own.
-    pub(super) shared: [f64; SHARED],
-    pub(super) own: [f64; OWN],
+    pub(super) shared: [R; SHARED],
+    pub(super) own: [R; OWN],
     /// By the logarithm of its lamp's strength.
-    pub(super) lamp: f64,
+    pub(super) lamp: R,
 }
 
-/// One pixel's rows `(obs, band)`, and their derivatives by inverse distances.
-pub(super) struct PixelSamples {
+impl<R: Real> Row<R> {
+    /// Of a sample that does not count.
+    fn none() -> Self {
+        let zero = R::zero();
+        Self { error: zero, shared: [zero; SHARED], own: [zero; OWN], lamp: zero }
+    }
+}
+
+/// Rows `(obs, band)` of some pixels, one per lane, and their derivatives by inverse distances.
+pub(super) struct PixelSamples<R> {
     pub(super) layout: Layout,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<Row<R>>,
     /// `(obs, band, place)`.
-    pub(super) places: Vec<f64>,
-    /// Its colours in each band.
-    colours: Vec<Colours>,
+    places: Vec<R>,
+    /// Their colours in each band.
+    colours: Vec<Colours<R>>,
+    /// A photograph's light under the rigs whose inverse distances are larger.
+    moved: Vec<Light<R>>,
 }
 
-impl PixelSamples {
+impl<R: Real> PixelSamples<R> {
     pub(super) fn new(layout: Layout) -> Self {
         let rows = layout.observations * layout.bands;
-        let places = vec![0.0; rows * layout.places];
-        Self { layout, rows: vec![Row::default(); rows], places, colours: Vec::new() }
+        let places = vec![R::zero(); rows * layout.places];
+        let rows = vec![Row::none(); rows];
+        Self { layout, rows, places, colours: Vec::new(), moved: Vec::new() }
     }
 
     /// Derivatives by inverse distances of one row.
     #[inline(always)]
-    pub(super) fn places_of(&self, row: usize) -> &[f64] {
+    pub(super) fn places_of(&self, row: usize) -> &[R] {
         &self.places[row * self.layout.places..(row + 1) * self.layout.places]
     }
 }
@@ -103,100 +140,51 @@ struct Light<R> {
     lobe_by_shared: [R; SHARED],
 }
 
-impl<R: Real> Light<R> {
-    /// How many numbers it has.
-    const NUMBERS: usize = 4 + SHARED;
-
-    /// Writes all lanes of its numbers.
-    #[inline(always)]
-    fn store(&self, out: &mut [R::Scalar]) {
-        let [across, along] = self.diffuse_by_tilt;
-        let [first, second, width] = self.lobe_by_shared;
-        let numbers = [self.diffuse, across, along, self.lobe, first, second, width];
-        for number in 0..Self::NUMBERS {
-            numbers[number].store(&mut out[number * R::WIDTH..]);
-        }
-    }
-}
-
-/// Some pixels side by side, one per lane.
-pub(super) struct Block {
-    /// `(obs, rig, number, lane)`: the light of every photograph under the rig, then under those
-    /// whose inverse distances are larger.
-    lights: Vec<f64>,
-    /// `(obs, band, lane)`: errors and slopes, which lie far apart in the pictures of one pixel.
-    errors: Vec<f64>,
-    slopes: Vec<f64>,
-    rigs: usize,
-    width: usize,
-}
-
-impl Block {
-    /// Room for `width` pixels.
-    pub(super) fn new(layout: Layout, width: usize) -> Self {
-        let rigs = 1 + layout.places;
-        let lights = layout.observations * rigs * Light::<f64>::NUMBERS * width;
-        let samples = layout.observations * layout.bands * width;
-        Self {
-            lights: vec![0.0; lights],
-            errors: vec![0.0; samples],
-            slopes: vec![0.0; samples],
-            rigs,
-            width,
-        }
-    }
-
-    /// The light of one photograph under one of the rigs.
-    #[inline(always)]
-    fn light(&self, observation: usize, rig: usize, lane: usize) -> Light<f64> {
-        let first = (observation * self.rigs + rig) * Light::<f64>::NUMBERS;
-        let get = |number: usize| self.lights[(first + number) * self.width + lane];
-        Light {
-            diffuse: get(0),
-            diffuse_by_tilt: [get(1), get(2)],
-            lobe: get(3),
-            lobe_by_shared: [get(4), get(5), get(6)],
-        }
-    }
-}
-
-/// The colours of a pixel in one band; none is below 0.
+/// The colours of pixels in one band; none is below 0.
 #[derive(Clone, Copy)]
-struct Colours {
-    diffuse: f64,
-    ambient: f64,
-    strength: f64,
+struct Colours<R> {
+    diffuse: R,
+    ambient: R,
+    strength: R,
 }
 
-impl Colours {
+impl<R: Real> Colours<R> {
     /// What shows under a light of strength 1.
     #[inline(always)]
-    fn shown(&self, light: &Light<f64>) -> f64 {
+    fn shown(&self, light: &Light<R>) -> R {
         self.diffuse * light.diffuse + self.strength * light.lobe + self.ambient
     }
 
-    /// The row of a sample, with the light's strength times the slope of its code as `scale`.
+    /// The row of a sample, with the light's strength times the slope of its code as `scale`; zeros
+    /// where that is 0.
     #[inline(always)]
-    fn row(&self, light: &Light<f64>, scale: f64, error: f64) -> Row {
+    fn row(&self, light: &Light<R>, scale: R, error: R) -> Row<R> {
         let Self { diffuse, ambient, strength } = *self;
         let [first, second, width] = light.lobe_by_shared;
         let [across, along] = light.diffuse_by_tilt;
+        let counts = counted(scale);
+        // What is at its bound of 0 stays there.
         Row {
-            error,
+            error: R::keep(counts, error),
             shared: [
-                scale * (diffuse * across + strength * first),
-                scale * (diffuse * along + strength * second),
-                scale * strength * width,
+                R::keep(counts, scale * (diffuse * across + strength * first)),
+                R::keep(counts, scale * (diffuse * along + strength * second)),
+                R::keep(counts, scale * strength * width),
             ],
-            // What is at its bound of 0 stays there.
             own: [
-                if diffuse > 0.0 { scale * light.diffuse } else { 0.0 },
-                if ambient > 0.0 { scale } else { 0.0 },
-                if strength > 0.0 { scale * light.lobe } else { 0.0 },
+                R::keep(counts & diffuse.gt(R::zero()), scale * light.diffuse),
+                R::keep(counts & ambient.gt(R::zero()), scale),
+                R::keep(counts & strength.gt(R::zero()), scale * light.lobe),
             ],
-            lamp: scale * self.shown(light),
+            lamp: R::keep(counts, scale * self.shown(light)),
         }
     }
+}
+
+/// Where a slope is not 0: elsewhere light and colours may be unknown.
+#[inline(always)]
+fn counted<R: Real>(slope: R) -> R::Mask {
+    slope.gt(R::zero()) | slope.lt(R::zero())
 }
 
 impl Samples<'_> {
@@ -211,96 +199,104 @@ impl Samples<'_> {
 
     /// Reads the pixels from `first` on; lanes beyond the last repeat it.
     #[inline(always)]
-    pub(super) fn read_block<R: Real<Scalar = f64>>(&self, first: usize, out: &mut Block) {
-        let Adjustment { errors, slopes, .. } = *self.adjustment;
-        for plane in 0..self.pairs.len() * self.bands {
-            for lane in 0..R::WIDTH {
-                let place = plane * self.pixels + (first + lane).min(self.pixels - 1);
-                out.errors[plane * R::WIDTH + lane] = errors[place];
-                out.slopes[plane * R::WIDTH + lane] = slopes[place];
-            }
-        }
+    pub(super) fn read<R: Real<Scalar = f64>>(&self, first: usize, out: &mut PixelSamples<R>) {
+        let Self { adjustment, bands, .. } = *self;
+        let Adjustment { intensities, errors, slopes, step, .. } = *adjustment;
         let pixels = self.gathered::<R>(first);
-        let stride = Light::<R>::NUMBERS * R::WIDTH;
-        let mut at = 0;
-        for observation in 0..self.pairs.len() {
-            self.light(&self.pairs, observation, &pixels).store(&mut out.lights[at..]);
-            at += stride;
+        let places = self.moved.len();
+        out.colours.clear();
+        for band in 0..bands {
+            out.colours.push(self.colours(band, first));
+        }
+        for observation in 0..intensities.len() {
+            let light = self.light(&self.pairs, observation, &pixels);
+            out.moved.clear();
             for pairs in &self.moved {
-                self.light(pairs, observation, &pixels).store(&mut out.lights[at..]);
-                at += stride;
+                out.moved.push(self.light(pairs, observation, &pixels));
+            }
+            for band in 0..bands {
+                let row = observation * bands + band;
+                let colours = out.colours[band];
+                let scale = R::of(intensities[observation]) * self.samples(slopes, row, first);
+                out.rows[row] = colours.row(&light, scale, self.samples(errors, row, first));
+                let counts = counted(scale);
+                for place in 0..places {
+                    let change = colours.shown(&out.moved[place]) - colours.shown(&light);
+                    let slope = scale * change / R::of(step);
+                    out.places[row * places + place] = R::keep(counts, slope);
+                }
             }
         }
+    }
+
+    /// Samples `(obs, band, y, x)` of one plane, of the pixels from `first` on.
+    #[inline(always)]
+    fn samples<R: Real<Scalar = f64>>(&self, samples: &[f64], plane: usize, first: usize) -> R {
+        let own = &samples[plane * self.pixels..(plane + 1) * self.pixels];
+        if first + R::WIDTH <= own.len() {
+            return R::load(&own[first..]);
+        }
+        let mut lanes = [0.0; MAX_LANES];
+        for lane in 0..R::WIDTH {
+            lanes[lane] = own[(first + lane).min(own.len() - 1)];
+        }
+        R::load(&lanes)
+    }
+
+    /// One plane of a map, of the pixels from `first` on.
+    #[inline(always)]
+    fn map<R: Real<Scalar = f64>>(&self, map: &[f32], plane: usize, first: usize) -> R {
+        let own = &map[plane * self.pixels..(plane + 1) * self.pixels];
+        let mut lanes = [0.0; MAX_LANES];
+        for lane in 0..R::WIDTH {
+            lanes[lane] = f64::from(own[(first + lane).min(own.len() - 1)]);
+        }
+        R::load(&lanes)
     }
 
     #[inline(always)]
     fn gathered<R: Real<Scalar = f64>>(&self, first: usize) -> Pixels<R> {
         let Self { adjustment, pixels, .. } = *self;
         let grid = adjustment.rig.grid();
-        // Three of the normal, two of the place, gamma.
-        let mut lanes = [[0.0; MAX_LANES]; 6];
+        let mut places = [[0.0; MAX_LANES]; 2];
         for lane in 0..R::WIDTH {
             let number = (first + lane).min(pixels - 1);
-            let at = |map: &[f32], plane: usize| f64::from(map[plane * pixels + number]);
-            for axis in 0..3 {
-                lanes[axis][lane] = at(adjustment.surface.normal, axis);
-            }
-            lanes[3][lane] = grid.x((number % grid.width) as f64);
-            lanes[4][lane] = grid.y((number / grid.width) as f64);
-            lanes[5][lane] = match self.lobe.shape[0] {
-                Parameter::Everywhere(gamma) => f64::from(gamma),
-                Parameter::Map(map) => at(map, 0),
-            };
+            places[0][lane] = grid.x((number % grid.width) as f64);
+            places[1][lane] = grid.y((number / grid.width) as f64);
         }
-        let normal = Vec3::new(R::load(&lanes[0]), R::load(&lanes[1]), R::load(&lanes[2]));
-        let place = (R::load(&lanes[3]), R::load(&lanes[4]));
-        Pixels { normal, tilts: tangents(normal), place, gamma: R::load(&lanes[5]) }
+        let normal = adjustment.surface.normal;
+        let normal = Vec3::new(
+            self.map(normal, 0, first),
+            self.map(normal, 1, first),
+            self.map(normal, 2, first),
+        );
+        let place = (R::load(&places[0]), R::load(&places[1]));
+        let gamma = self.parameter(&self.lobe.shape[0], first);
+        Pixels { normal, tilts: tangents(normal), place, gamma }
     }
 
-    /// Reads the pixel in a lane.
     #[inline(always)]
-    pub(super) fn read(
-        &self,
-        number: usize,
-        (block, lane): (&Block, usize),
-        out: &mut PixelSamples,
-    ) {
-        let Self { adjustment, pixels, bands, .. } = *self;
-        let Adjustment { surface, intensities, .. } = *adjustment;
-        let at = |map: &[f32], plane: usize| f64::from(map[plane * pixels + number]);
-        let of = |samples: &[f64], plane: usize| samples[plane * block.width + lane];
-        out.colours.clear();
-        for band in 0..bands {
-            let strength = match self.lobe.strength {
-                Strength::Tinted(map) => at(map, band),
-                Strength::Neutral(Parameter::Map(map)) => at(map, 0),
-                Strength::Neutral(Parameter::Everywhere(strength)) => f64::from(strength),
-            };
-            out.colours.push(Colours {
-                diffuse: at(surface.diffuse, band),
-                ambient: surface.ambient.map_or(0.0, |map| at(map, band)),
-                strength: if strength > 0.0 { strength } else { 0.0 },
-            });
+    fn parameter<R: Real<Scalar = f64>>(&self, parameter: &Parameter<'_>, first: usize) -> R {
+        match *parameter {
+            Parameter::Everywhere(value) => R::of(f64::from(value)),
+            Parameter::Map(map) => self.map(map, 0, first),
         }
-        let places = out.layout.places;
-        for (observation, &intensity) in intensities.iter().enumerate() {
-            let planes = observation * bands..(observation + 1) * bands;
-            if planes.clone().all(|plane| of(&block.slopes, plane) == 0.0) {
-                out.rows[planes.clone()].fill(Row::default());
-                out.places[planes.start * places..planes.end * places].fill(0.0);
-                continue;
-            }
-            let light = block.light(observation, 0, lane);
-            for (band, row) in planes.enumerate() {
-                let colours = out.colours[band];
-                let scale = intensity * of(&block.slopes, row);
-                out.rows[row] = colours.row(&light, scale, of(&block.errors, row));
-                for place in 0..places {
-                    let moved = block.light(observation, 1 + place, lane);
-                    let change = colours.shown(&moved) - colours.shown(&light);
-                    out.places[row * places + place] = scale * change / adjustment.step;
-                }
-            }
+    }
+
+    #[inline(always)]
+    fn colours<R: Real<Scalar = f64>>(&self, band: usize, first: usize) -> Colours<R> {
+        let surface = self.adjustment.surface;
+        let strength: R = match &self.lobe.strength {
+            Strength::Tinted(map) => self.map(map, band, first),
+            Strength::Neutral(parameter) => self.parameter(parameter, first),
+        };
+        Colours {
+            diffuse: self.map(surface.diffuse, band, first),
+            ambient: match surface.ambient {
+                Some(map) => self.map(map, band, first),
+                None => R::zero(),
+            },
+            strength: R::keep(strength.gt(R::zero()), strength),
         }
     }
 

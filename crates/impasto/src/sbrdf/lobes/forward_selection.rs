@@ -34,6 +34,17 @@ pub(super) enum Starts<'a> {
     },
 }
 
+/// What is known of a tile's pixels before one more lobe is added.
+#[derive(Clone, Copy)]
+struct Before<'a> {
+    /// Their estimates before any lobe.
+    first: &'a [Estimate],
+    /// The normals that mirror their brightest photograph.
+    brightest: &'a [[f32; 3]],
+    /// Their best estimates with one lobe less.
+    fewer: &'a [Estimate],
+}
+
 /// Adds lobes to the pixels of a tile, one at a time.
 pub(super) struct ForwardSelection<'a, M: LobeEstimation> {
     pub(super) photographs: &'a Photographs<M>,
@@ -51,6 +62,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         origin: &Starts<'_>,
     ) -> Vec<ByLobeCount> {
         let first = tile.estimates.clone();
+        let brightest = brightest(self.photographs, tile, self.run.level);
         self.search(tile, &first, fitted, 0);
         let without =
             |&estimate: &Estimate| ByLobeCount { estimates: [estimate; MOST_LOBES + 1], lobes: 0 };
@@ -68,9 +80,10 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                         }
                 })
                 .collect();
-            let before: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
-            self.add_lobe(tile, &able, (&first, &before), lobes, origin);
-            self.accept(tile, &able, &before, lobes, &mut found);
+            let fewer: Vec<Estimate> = found.iter().map(|found| *found.chosen()).collect();
+            let before = Before { first: &first, brightest: &brightest, fewer: &fewer };
+            self.add_lobe(tile, &able, before, lobes, origin);
+            self.accept(tile, &able, &fewer, lobes, &mut found);
             // A lobe like those of the seeds may be one that the pixel already has: the search then
             // ends in a poor minimum, and a lobe of another width is missed. Without such seeds the
             // search has started from the model's shapes already.
@@ -79,12 +92,12 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                     .into_iter()
                     .filter(|&pixel| {
                         found[pixel].lobes < lobes
-                            && before[pixel].cost > tile.rounding[pixel]
+                            && fewer[pixel].cost > tile.rounding[pixel]
                             && around[pixel].iter().any(|seed| seed.by_count.lobes >= lobes)
                     })
                     .collect();
-                self.add_lobe(tile, &refused, (&first, &before), lobes, &Starts::BestStart);
-                self.accept(tile, &refused, &before, lobes, &mut found);
+                self.add_lobe(tile, &refused, before, lobes, &Starts::BestStart);
+                self.accept(tile, &refused, &fewer, lobes, &mut found);
             }
         }
         found
@@ -95,7 +108,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         &self,
         tile: &LobeFitTile,
         able: &[usize],
-        before: &[Estimate],
+        fewer: &[Estimate],
         lobes: usize,
         found: &mut [ByLobeCount],
     ) {
@@ -107,16 +120,19 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
             (true, true) => 1,
             (true, false) => 1 + M::SHAPES,
         };
-        for &pixel in able {
-            let above_rounding = before[pixel].cost > tile.rounding[pixel];
-            let more = &tile.estimates[pixel];
-            if above_rounding
-                && lowers_bic(more, &before[pixel], tile.usable[pixel], unknowns)
-                && supported(self.photographs, tile, pixel, self.run.level)[..lobes]
-                    .iter()
-                    .all(|&supported| supported)
-            {
-                found[pixel].estimates[lobes] = *more;
+        let better: Vec<usize> = able
+            .iter()
+            .copied()
+            .filter(|&pixel| {
+                let above_rounding = fewer[pixel].cost > tile.rounding[pixel];
+                let more = &tile.estimates[pixel];
+                above_rounding && lowers_bic(more, &fewer[pixel], tile.usable[pixel], unknowns)
+            })
+            .collect();
+        let supported = supported(self.photographs, tile, &better, self.run.level);
+        for (pixel, supported) in better.into_iter().zip(supported) {
+            if supported[..lobes].iter().all(|&supported| supported) {
+                found[pixel].estimates[lobes] = tile.estimates[pixel];
                 found[pixel].lobes = lobes;
             }
         }
@@ -188,28 +204,27 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
         1.0 + 4.0 / (free as f32).sqrt()
     }
 
-    /// Replaces the tile's estimates by the best with one lobe more than `before`.
+    /// Replaces the tile's estimates by the best with one lobe more than before.
     fn add_lobe(
         &self,
         tile: &mut LobeFitTile,
         able: &[usize],
-        (first, before): (&[Estimate], &[Estimate]),
+        before: Before<'_>,
         lobes: usize,
         origin: &Starts<'_>,
     ) {
         reset_costs(tile);
-        let mut starts = before.to_vec();
+        let mut starts = before.fewer.to_vec();
         let mut pixels = Vec::with_capacity(able.len());
         for number in 0.. {
             pixels.clear();
             for &pixel in able {
                 let trial = match origin {
                     Starts::Multistart | Starts::BestStart => {
-                        self.model_start(tile, pixel, &before[pixel], lobes, number)
+                        self.model_start(pixel, before, lobes, number)
                     }
                     Starts::Neighbours { around, .. } => {
-                        let own = (&first[pixel], &before[pixel]);
-                        self.seed_start(tile, pixel, own, &around[pixel], lobes, number)
+                        self.seed_start(pixel, before, &around[pixel], lobes, number)
                     }
                 };
                 if let Some(start) = trial {
@@ -240,18 +255,17 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
     /// for the first lobe also with the normal that mirrors the brightest photograph.
     fn model_start(
         &self,
-        tile: &LobeFitTile,
         pixel: usize,
-        before: &Estimate,
+        before: Before<'_>,
         lobes: usize,
         number: usize,
     ) -> Option<Estimate> {
         let normals = if lobes == 1 { 2 } else { 1 };
         let shape = self.photographs.model.starts().get(number / normals)?;
-        let mut start = *before;
+        let mut start = before.fewer[pixel];
         start.shapes[lobes - 1] = shape.map(|number| number as f32);
         if number % normals == 1 {
-            start.normal = self.brightest(tile, pixel);
+            start.normal = before.brightest[pixel];
         }
         Some(start)
     }
@@ -261,28 +275,29 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
     /// normals. Multistart where no seed around the pixel has so many lobes.
     fn seed_start(
         &self,
-        tile: &LobeFitTile,
         pixel: usize,
-        (first, before): (&Estimate, &Estimate),
+        before: Before<'_>,
         seeds: &[&Seed],
         lobes: usize,
         number: usize,
     ) -> Option<Estimate> {
         let candidates = || seeds.iter().filter(|seed| seed.by_count.lobes >= lobes);
         let Some(nearest) = candidates().next() else {
-            return self.model_start(tile, pixel, before, lobes, number);
+            return self.model_start(pixel, before, lobes, number);
         };
+        let fewer = before.fewer[pixel];
         let shapes_of = |seed: &Seed| seed.by_count.estimates[lobes].shapes;
         if let Some(seed) = candidates().nth(number) {
-            let normal = if lobes == 1 { seed.moved_normal(first.normal) } else { before.normal };
-            return Some(Estimate { shapes: shapes_of(seed), normal, ..*before });
+            let moved = || seed.moved_normal(before.first[pixel].normal);
+            let normal = if lobes == 1 { moved() } else { fewer.normal };
+            return Some(Estimate { shapes: shapes_of(seed), normal, ..fewer });
         }
         let normal = match number - candidates().count() {
-            0 if lobes == 1 => before.normal,
-            1 if lobes == 1 => self.brightest(tile, pixel),
+            0 if lobes == 1 => fewer.normal,
+            1 if lobes == 1 => before.brightest[pixel],
             _ => return None,
         };
-        Some(Estimate { shapes: shapes_of(nearest), normal, ..*before })
+        Some(Estimate { shapes: shapes_of(nearest), normal, ..fewer })
     }
 
     /// Whether a pixel has more usable photographs than unknowns (hard case 30).
@@ -294,11 +309,6 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
     pub(super) fn unknowns(&self, lobes: usize) -> usize {
         let others = 1 + 2 * usize::from(self.options.normal) + usize::from(self.options.ambient);
         others + lobes * (1 + M::SHAPES)
-    }
-
-    /// The normal that mirrors the brightest light into the view.
-    fn brightest(&self, tile: &LobeFitTile, pixel: usize) -> [f32; 3] {
-        brightest(self.photographs, tile, pixel, self.run.level)
     }
 
     fn score(&self, tile: &mut LobeFitTile, starts: &[Estimate], pixels: &[usize], lobes: usize) {

@@ -30,7 +30,7 @@ pub trait LobeEstimation: LobeModel {
     const SHAPES: usize;
 
     /// The normal that would mirror the light into the view.
-    fn facing(&self, pair: &Self::Pair<f64>) -> Vec3<f64>;
+    fn facing<R: Real>(&self, pair: &Self::Pair<R>) -> Vec3<R>;
     /// A lobe from the unknowns of its shape.
     fn lobe_from_unknowns<R: Real>(&self, shape: [R; MAX_SHAPES]) -> Self::Lobe<R>;
     /// Writes the parameters of a shape, as many as there are [`LobeModel::NAMES`];

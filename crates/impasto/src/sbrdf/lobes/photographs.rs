@@ -32,12 +32,25 @@ impl<M: LobeEstimation> Photographs<M> {
 
     /// The normal that would mirror a photograph's light into its view, as the point `(x, y, 0)` has
     /// them.
-    pub(super) fn facing_at(&self, photograph: usize, x: f64, y: f64) -> Vec3<f64> {
+    #[inline(always)]
+    pub(super) fn facing_at<R: Real>(&self, photograph: usize, x: R, y: R) -> Vec3<R> {
         if self.pairs.is_distant(photograph) {
-            self.facing[photograph]
+            self.facing[photograph].splat()
         } else {
             self.model.facing(&self.at(photograph, x, y).2)
         }
+    }
+
+    /// The irradiance of a photograph's light at normal incidence, at the points `(x, y, 0)`.
+    #[inline(always)]
+    pub(super) fn irradiance<R: Real>(&self, photograph: usize, x: R, y: R) -> R {
+        self.pairs.light(photograph, x, y).1
+    }
+
+    /// Unit directions to the light and to the camera, from the points `(x, y, 0)`.
+    #[inline(always)]
+    pub(super) fn directions<R: Real>(&self, photograph: usize, x: R, y: R) -> [Vec3<R>; 2] {
+        self.pairs.directions(photograph, x, y)
     }
 
     /// Direction to the light, irradiance and the pair, from the points `(x, y, 0)`.

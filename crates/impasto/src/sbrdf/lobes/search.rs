@@ -4,7 +4,8 @@
 use core::cell::RefCell;
 
 use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
-use crate::math::{Element, Level, Real, Scalar, Vec3};
+use crate::math::lanes::Isa;
+use crate::math::{Element, Kernel, Level, Real, Scalar, Vec3};
 
 use super::model::{LobeEstimation, Visit};
 use super::normal_equations::{
@@ -13,7 +14,7 @@ use super::normal_equations::{
 use super::options::LobeOptions;
 use super::photographs::Photographs;
 use super::prior::ShapePrior;
-use super::tile::{Estimate, TileSamples};
+use super::tile::{Estimate, STRIDE, TileSamples};
 
 /// Searches in single precision end where the next step would be shorter, in standard deviations: what is
 /// left out adds half a per cent to the errors that noise makes.
@@ -90,6 +91,7 @@ impl<M: LobeEstimation> Search<'_, M> {
         let mut lanes = Lanes::<S, M, J, K, N> {
             photographs: self.photographs,
             samples: self.samples,
+            counts: self.level.run(Count { samples: self.samples, pixels: self.pixels }),
             x: self.x,
             y: self.y,
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
@@ -113,6 +115,32 @@ impl<M: LobeEstimation> Visit for Search<'_, M> {
     }
 }
 
+/// How many samples of some pixels, in rising order, have a weight above 0; 0 for others of the tile.
+struct Count<'a> {
+    samples: &'a TileSamples,
+    pixels: &'a [usize],
+}
+
+impl Kernel for Count<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<f32> {
+        let (zero, one, width) = (I::F32::zero(), I::F32::one(), I::F32::WIDTH);
+        let mut counts = vec![0.0; STRIDE];
+        for some in self.pixels.chunk_by(|a, b| a / width == b / width) {
+            let at = some[0] / width * width;
+            let mut count = zero;
+            for plane in 0..self.samples.planes() {
+                let (_, weight) = self.samples.at::<I::F32>(plane, at);
+                count = count + I::F32::keep(weight.gt(zero), one);
+            }
+            count.store(&mut counts[at..]);
+        }
+        counts
+    }
+}
+
 /// A number of a tile in the precision of the search.
 #[inline(always)]
 fn number<S: Scalar>(value: f32) -> S {
@@ -122,6 +150,8 @@ fn number<S: Scalar>(value: f32) -> S {
 struct Lanes<'a, S, M: LobeEstimation, const J: usize, const K: usize, const N: usize> {
     photographs: &'a Photographs<M>,
     samples: &'a TileSamples,
+    /// How many samples of a pixel count.
+    counts: Vec<f32>,
     x: &'a [f32],
     y: &'a [f32],
     barred: [bool; K],
@@ -168,7 +198,7 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
     }
 
     fn samples(&self, pixel: usize) -> usize {
-        self.samples.weights_of(pixel).filter(|&weight| weight > 0.0).count()
+        self.counts[pixel] as usize
     }
 
     fn load(&mut self, pixel: usize, column: &mut Column<'_, S>) -> [S; N] {

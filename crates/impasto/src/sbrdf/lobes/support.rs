@@ -3,65 +3,120 @@
 //! A narrow lobe can fit one outlying sample with its outermost slope. Its peak, where there is no
 //! photograph, may then have any height, and another light would show it.
 
-use crate::math::lanes::Isa;
-use crate::math::{Kernel, Level, Vec3};
+use crate::math::lanes::{Isa, MAX_LANES};
+use crate::math::{Kernel, Level, Real, Vec3};
 
 use super::maps::MOST_LOBES;
-use super::model::LobeEstimation;
+use super::model::{LobeEstimation, MAX_SHAPES};
 use super::photographs::Photographs;
-use super::tile::{Estimate, LobeFitTile, STRIDE};
+use super::tile::{Estimate, LobeFitTile, STRIDE, gather};
 
 /// Least fraction of its peak that a lobe must reach in some photograph, which it does within two and
 /// a half of its half-widths. At that distance an error of 8 % in the width already changes the
 /// strength by a factor of two.
 pub(in crate::sbrdf) const SEEN: f64 = 1.0 / 64.0;
 
-/// Which of a pixel's lobes reach [`SEEN`] of their peak in the photograph nearest to the peak; the
-/// strength of any other would be a guess (hard case 4).
+/// Which lobes of some pixels, in rising order, reach [`SEEN`] of their peak in the photograph nearest
+/// to the peak; the strength of any other would be a guess (hard case 4).
 pub(super) fn supported<M: LobeEstimation>(
     photographs: &Photographs<M>,
     tile: &LobeFitTile,
-    pixel: usize,
+    pixels: &[usize],
     level: Level,
-) -> [bool; MOST_LOBES] {
-    level.run(Look { photographs, tile, pixel })
+) -> Vec<[bool; MOST_LOBES]> {
+    level.run(Look { photographs, tile, pixels })
 }
 
-/// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
 struct Look<'a, M: LobeEstimation> {
     photographs: &'a Photographs<M>,
     tile: &'a LobeFitTile,
-    pixel: usize,
+    pixels: &'a [usize],
 }
 
 impl<M: LobeEstimation> Kernel for Look<'_, M> {
-    type Output = [bool; MOST_LOBES];
+    type Output = Vec<[bool; MOST_LOBES]>;
 
     #[inline(always)]
-    fn run<I: Isa>(self) -> [bool; MOST_LOBES] {
-        let Self { photographs, tile, pixel } = self;
-        let Estimate { normal, shapes, lobes, .. } = &tile.estimates[pixel];
-        let mut supported = [false; MOST_LOBES];
-        if *lobes == 0 {
-            return supported;
-        }
-        let [nx, ny, nz] = normal.map(f64::from);
-        let normal = Vec3::new(nx, ny, nz);
-        let [x, y] = [&tile.x, &tile.y].map(|axis| f64::from(axis[pixel]));
-        let model = &photographs.model;
-        let nearest = (0..photographs.len())
-            .filter(|photograph| tile.grey.weights[photograph * STRIDE + pixel] > 0.0)
-            .map(|photograph| (photographs.facing_at(photograph, x, y).dot(normal), photograph))
-            .max_by(|(a, _), (b, _)| a.total_cmp(b));
-        if let Some((_, photograph)) = nearest {
-            let (_, _, pair) = photographs.at::<f64>(photograph, x, y);
-            for (shape, supported) in shapes[..*lobes].iter().zip(&mut supported) {
-                let lobe = model.lobe_from_unknowns(shape.map(f64::from));
-                let peak = model.value(&lobe, &pair, model.facing(&pair));
-                *supported = model.value(&lobe, &pair, normal) >= SEEN * peak;
+    fn run<I: Isa>(self) -> Self::Output {
+        let width = I::F32::WIDTH;
+        let mut supported = Vec::with_capacity(self.pixels.len());
+        for some in self.pixels.chunk_by(|a, b| a / width == b / width) {
+            let at = some[0] / width * width;
+            let seen = self.seen::<I::F32>(at);
+            for &pixel in some {
+                let lobes = self.tile.estimates[pixel].lobes;
+                let mut own = [false; MOST_LOBES];
+                for lobe in 0..lobes {
+                    own[lobe] = seen[lobe][pixel - at] > 0.0;
+                }
+                supported.push(own);
             }
         }
         supported
+    }
+}
+
+#[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
+impl<M: LobeEstimation> Look<'_, M> {
+    /// 1 for the lobes of the pixels from `at` on that are seen, else 0.
+    #[inline(always)]
+    fn seen<R: Real<Scalar = f32>>(&self, at: usize) -> [[f32; MAX_LANES]; MOST_LOBES] {
+        let Self { photographs, tile, .. } = *self;
+        let (model, estimates) = (&photographs.model, &tile.estimates);
+        let normal = Vec3::new(
+            gather::<R>(estimates, at, |estimate| estimate.normal[0]),
+            gather(estimates, at, |estimate| estimate.normal[1]),
+            gather(estimates, at, |estimate| estimate.normal[2]),
+        );
+        let (x, y) = (R::load(&tile.x[at..]), R::load(&tile.y[at..]));
+        let nearest = self.nearest(at, normal, x, y);
+        let known = nearest.ge(R::zero());
+        let pair = self.pair_of(at, nearest);
+        let facing = model.facing(&pair);
+        let mut seen = [[0.0; MAX_LANES]; MOST_LOBES];
+        for lobe in 0..MOST_LOBES {
+            let mut shape = [R::zero(); MAX_SHAPES];
+            for number in 0..M::SHAPES {
+                shape[number] = gather(estimates, at, |estimate| estimate.shapes[lobe][number]);
+            }
+            let lobe_of_unknowns = model.lobe_from_unknowns(shape);
+            let peak = model.value(&lobe_of_unknowns, &pair, facing);
+            let reached = model.value(&lobe_of_unknowns, &pair, normal).ge(R::of(SEEN) * peak);
+            R::keep(known & reached, R::one()).store(&mut seen[lobe]);
+        }
+        seen
+    }
+
+    /// The photographs that are nearest to the peaks of the pixels from `at` on, by number; -1 where
+    /// none counts.
+    #[inline(always)]
+    fn nearest<R: Real<Scalar = f32>>(&self, at: usize, normal: Vec3<R>, x: R, y: R) -> R {
+        let (mut nearest, mut least) = (R::of(-1.0), R::of(f64::NEG_INFINITY));
+        for photograph in 0..self.photographs.len() {
+            let weight = R::load(&self.tile.grey.weights[photograph * STRIDE + at..]);
+            let cosine = self.photographs.facing_at(photograph, x, y).dot(normal);
+            let nearer = weight.gt(R::zero()) & cosine.gt(least);
+            least = R::select(nearer, cosine, least);
+            nearest = R::select(nearer, R::of(photograph as f64), nearest);
+        }
+        nearest
+    }
+
+    /// Light and view of a photograph of its own for each of the pixels from `at` on.
+    #[inline(always)]
+    fn pair_of<R: Real<Scalar = f32>>(&self, at: usize, photographs: R) -> M::Pair<R> {
+        let mut numbers = [0.0; MAX_LANES];
+        photographs.store(&mut numbers);
+        let mut lanes = [[[0.0; MAX_LANES]; 3]; 2];
+        for lane in 0..R::WIDTH {
+            let (x, y) = (self.tile.x[at + lane], self.tile.y[at + lane]);
+            let pair = self.photographs.directions(numbers[lane].max(0.0) as usize, x, y);
+            for (lanes, direction) in lanes.iter_mut().zip(pair) {
+                [lanes[0][lane], lanes[1][lane], lanes[2][lane]] = direction.array();
+            }
+        }
+        let [light, view] = lanes.map(|[x, y, z]| Vec3::new(R::load(&x), R::load(&y), R::load(&z)));
+        self.photographs.model.pair(light, view)
     }
 }
 
@@ -72,10 +127,9 @@ pub(super) fn drop_unsupported<M: LobeEstimation>(
     fitted: &[usize],
     level: Level,
 ) {
-    for &pixel in fitted {
+    for (&pixel, supported) in fitted.iter().zip(supported(photographs, tile, fitted, level)) {
         let before = tile.estimates[pixel];
         let mut kept = Estimate { lobes: 0, ..before };
-        let supported = supported(photographs, tile, pixel, level);
         for lobe in (0..before.lobes).filter(|&lobe| supported[lobe]) {
             kept.shapes[kept.lobes] = before.shapes[lobe];
             kept.shape_deviation[kept.lobes] = before.shape_deviation[lobe];

@@ -270,18 +270,8 @@ impl LobeFitTile {
         level: Level,
     ) {
         let pixels = stack.shape().pixels();
-        let bands = self.colour.bands;
         self.pixels.clear();
         self.pixels.extend_from_slice(chosen);
-        let mut at = 0;
-        for run in chosen.chunk_by(|pixel, next| pixel + 1 == *next) {
-            let end = at + run.len();
-            rig.grid().coordinates(run[0], &mut self.x[at..end], &mut self.y[at..end]);
-            for (plane, out) in self.colour.samples.chunks_mut(STRIDE).enumerate() {
-                stack.read(plane / bands, plane % bands, run[0], &mut out[at..end]);
-            }
-            at = end;
-        }
         self.estimates.clear();
         self.estimates.extend(chosen.iter().map(|&pixel| Estimate::new(start.normal(pixel))));
         for (band, colours) in self.diffuse.chunks_mut(TILE).enumerate() {
@@ -289,22 +279,33 @@ impl LobeFitTile {
                 *colour = start.diffuse[band * pixels + pixel];
             }
         }
-        level.run(Weigh { tile: self, rig });
+        level.run(Read { tile: self, stack, rig });
     }
 }
 
-/// First weights of a tile's pixels.
-struct Weigh<'a> {
+/// Samples of a tile's pixels and their first weights.
+struct Read<'a> {
     tile: &'a mut LobeFitTile,
+    stack: &'a Stack<'a>,
     rig: &'a Rig,
 }
 
-impl Kernel for Weigh<'_> {
+impl Kernel for Read<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Self { tile, rig } = self;
+        let Self { tile, stack, rig } = self;
+        let bands = tile.colour.bands;
+        let mut at = 0;
+        for run in tile.pixels.chunk_by(|pixel, next| pixel + 1 == *next) {
+            let end = at + run.len();
+            rig.grid().coordinates(run[0], &mut tile.x[at..end], &mut tile.y[at..end]);
+            for (plane, out) in tile.colour.samples.chunks_mut(STRIDE).enumerate() {
+                stack.read(plane / bands, plane % bands, run[0], &mut out[at..end]);
+            }
+            at = end;
+        }
         for at in (0..tile.estimates.len()).step_by(I::F32::WIDTH) {
             tile.weigh::<I::F32>(at);
             tile.shade::<I::F32>(rig, at);

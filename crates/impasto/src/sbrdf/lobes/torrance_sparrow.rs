@@ -28,7 +28,7 @@ impl LobeEstimation for TorranceSparrow {
     const SHAPES: usize = 1;
 
     #[inline(always)]
-    fn facing(&self, pair: &Facet<f64>) -> Vec3<f64> {
+    fn facing<R: Real>(&self, pair: &Facet<R>) -> Vec3<R> {
         pair.half()
     }
     #[inline(always)]
