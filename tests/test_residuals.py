@@ -82,6 +82,27 @@ def test_without_noise_known_lights_show_the_photographs(stack: impasto.Stack) -
     assert decibels(kept.predict(), truth).min() > 65.0 - 10.0
 
 
+def test_scores_are_those_of_plain_numpy(stack: impasto.Stack) -> None:
+    clipped = impasto.Stack(stack.samples, lights=stack.rig, saturation=0.5)
+    model = fit_sbrdf(clipped, pooling="painting")
+    rng = np.random.default_rng(4)
+    basis = np.ascontiguousarray(np.linalg.qr(rng.normal(size=(48, 48)))[0][:5])
+    kept = apply_residuals(LearnedResiduals(basis, 0.3, 0.1, 0.8, 0.0), clipped, model, threads=1)
+    shown = np.nan_to_num(model.predict(fidelity="model"), nan=0.0).astype(np.float64)
+    linear = np.array([clipped.linear(index) for index in range(48)])
+    assert 0.001 < np.isinf(linear).mean() < 0.5
+    seen = np.where(np.isinf(linear), np.maximum(shown, 0.5), linear)
+    light = np.clip(np.array([seen, shown]) / 0.8, 0.0, 1.0)
+    codes = 255.0 * np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    expected = np.tensordot(basis, codes[0] - codes[1], axes=1)
+    known = np.isfinite(kept.maps.astype(np.float32))
+    assert known.mean() > 0.9 and np.abs(expected).max() > 20.0
+    # Tables are within 0.012 of a code, of the photograph and of what is shown: 0.024 of each of 48
+    # residuals, whose weights have squares of sum 1. Half precision has 11 bits.
+    within = 0.024 * np.sqrt(48) + np.abs(expected) * 2.0**-11
+    assert (np.abs(kept.maps - expected)[known] <= within[known]).all()
+
+
 def test_new_lights_look_more_like_photographs(stack: impasto.Stack) -> None:
     promised, came = [], []
     for first in (0, 3):

@@ -46,6 +46,17 @@ def predict(
     threads: int,
     progress: ProgressCallback | None,
 ) -> None: ...
+def add_residual_scores(
+    stack: StackArguments,
+    first: int,
+    shown: NDArray[np.float32],
+    intensities: NDArray[np.float64],
+    top: float,
+    curve: NDArray[np.float32],
+    basis: NDArray[np.float64],
+    scores: NDArray[np.float32],
+    threads: int,
+) -> None: ...
 def rig_equations(
     surface: Surface,
     profile: tuple[NDArray[np.float64], NDArray[np.float64]] | None,

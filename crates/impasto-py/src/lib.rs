@@ -70,6 +70,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pooled::learn_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(pooled::apply_pooled, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::predict, module)?)?;
+    module.add_function(wrap_pyfunction!(sbrdf::add_residual_scores, module)?)?;
     module.add_function(wrap_pyfunction!(sbrdf::rig_equations, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::fit_normals, module)?)?;
     module.add_function(wrap_pyfunction!(stereo::learn_normals, module)?)?;

@@ -1,14 +1,17 @@
-//! Samples that a surface shows, and the adjustment of a rig to surfaces.
+//! Samples that a surface shows, what they leave of photographs, and the adjustment of a rig to
+//! surfaces.
 
 use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray4, PyReadwriteArray4,
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
+    PyReadwriteArray4,
 };
 use pyo3::prelude::*;
 
 use impasto::Error;
+use impasto::residual_scores::ResidualScores;
 use impasto::sbrdf::{Adjustment, LobeProfile};
 
-use crate::arrays::RigArguments;
+use crate::arrays::{RigArguments, StackArguments};
 use crate::surface::SurfaceArguments;
 use crate::{errors, run};
 
@@ -32,6 +35,38 @@ pub(crate) fn predict<'py>(
     run::call(py, threads, progress.as_ref(), |run| {
         impasto::surface::predict(&surface, &rig, intensities, shown, run)
     })
+}
+
+/// Adds the part of the photographs from `first` on, which a fit shows as `shown`, to the scores of
+/// residuals `(component, band, y, x)`; see [`ResidualScores`].
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "arguments arrive owned")]
+#[allow(clippy::too_many_arguments, reason = "photographs, a fit and a basis")]
+pub(crate) fn add_residual_scores<'py>(
+    py: Python<'py>,
+    stack: StackArguments<'py>,
+    first: usize,
+    shown: PyReadonlyArray4<'py, f32>,
+    intensities: PyReadonlyArray1<'py, f64>,
+    top: f64,
+    curve: PyReadonlyArray1<'py, f32>,
+    basis: PyReadonlyArray2<'py, f64>,
+    mut scores: PyReadwriteArray4<'py, f32>,
+    threads: usize,
+) -> PyResult<()> {
+    let refuse = |error: Error| errors::to_python(py, &error);
+    let decoding = stack.decoding().map_err(refuse)?;
+    let some = ResidualScores {
+        stack: &stack.stack(&decoding).map_err(refuse)?,
+        first,
+        shown: shown.as_slice()?,
+        intensities: intensities.as_slice()?,
+        top,
+        curve: curve.as_slice()?,
+        basis: basis.as_slice()?,
+    };
+    let scores = scores.as_slice_mut()?;
+    run::call(py, threads, None, |run| some.add_to(scores, run))
 }
 
 /// A profile of lobes: angles between normal and half vector, radians, and a factor for each.

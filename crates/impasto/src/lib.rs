@@ -12,7 +12,8 @@
 //! 4. [`surface`] is what a painting is, normals and lobes of reflection models ([`brdf`]), and
 //!    which samples it would show;
 //! 5. [`sbrdf`] estimates it: separates the specular part and fits lobes to it by
-//!    Levenberg-Marquardt ([`lm`]);
+//!    Levenberg-Marquardt ([`lm`]), and [`residual_scores`] keeps what the fit
+//!    leaves of the photographs;
 //! 6. [`height`] integrates normals, [`radiosity`] is the light that places of a relief send each
 //!    other, and [`relight`] lights a surface as a scene says.
 //!
@@ -61,6 +62,8 @@ pub mod pixels;
 pub mod radiosity;
 #[cfg(feature = "painting")]
 pub mod relight;
+#[cfg(feature = "painting")]
+pub mod residual_scores;
 #[cfg(feature = "painting")]
 pub mod sbrdf;
 #[cfg(feature = "painting")]

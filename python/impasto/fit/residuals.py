@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto import _core
-from impasto._internal.border import RigArguments
+from impasto._internal.border import RigArguments, StackArguments
+from impasto._internal.calls import thread_count
 from impasto._internal.hull import into_hull
 from impasto._internal.thin_plate import stereographic
 from impasto._internal.waiting import wait_for
@@ -49,6 +50,9 @@ SEEN = 0.03
 """The same up to which pixels without a model are shown: 2 % darker, and black farther away."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
+TOGETHER = 8
+"""Photographs whose part is added to the maps together: the maps of all components are read and
+written once for them, which takes longer than all else."""
 ROWS, WIDTH = 32, 1024
 """Rows of a picture that are computed together, and the width from which on they are fewer."""
 
@@ -302,9 +306,20 @@ def apply_residuals(
         None means every allowed core.
     """
     maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
-    for index in range(len(stack.rig)):
-        shown = np.nan_to_num(result.modelled(stack.rig.take([index]), threads=threads)[0], nan=0.0)
-        wait_for(_accumulate, maps, learned, stack, index, shown)
+    arguments, rig = StackArguments.of(stack), stack.rig
+    for first in range(0, len(rig), TOGETHER):
+        some = rig.take(range(first, min(first + TOGETHER, len(rig))))
+        _core.add_residual_scores(
+            arguments,
+            first,
+            result.modelled(some, threads=threads),
+            rig.intensities,
+            learned.top,
+            _CODES,
+            learned.basis,
+            maps,
+            thread_count(threads),
+        )
     return _residuals(learned, maps, result)
 
 
@@ -338,21 +353,6 @@ def principal_components(residual: NDArray[np.float32]) -> NDArray[np.float64]:
     # The sign of an eigenvector is arbitrary: the largest entry is positive.
     largest = np.take_along_axis(leading, np.abs(leading).argmax(axis=1)[:, None], axis=1)
     return np.ascontiguousarray(leading * np.where(largest < 0.0, -1.0, 1.0))
-
-
-def _accumulate(
-    maps: NDArray[np.float32],
-    learned: LearnedResiduals,
-    stack: Stack,
-    index: int,
-    shown: NDArray[np.float32],
-) -> None:
-    light = float(stack.rig.intensities[index])
-    linear = _seen(stack, index, shown)
-    for start in range(0, linear.shape[1], ROWS):
-        rows = np.s_[:, start : start + ROWS]
-        codes = _difference(linear[rows], shown[rows], light * learned.top)
-        _project(maps[(slice(None), *rows)], learned.basis[:, index], codes)
 
 
 def _project(
