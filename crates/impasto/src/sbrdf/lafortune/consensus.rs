@@ -15,9 +15,10 @@
 
 use crate::brdf::cosine_lobe::{CosineLobe, PARAMETERS};
 use crate::brdf::lafortune::Pair;
-use crate::geometry::{Light, Rig, View};
+use crate::geometry::Rig;
 use crate::lm::Options;
-use crate::math::{Level, Vec3};
+use crate::math::lanes::Isa;
+use crate::math::{Kernel, Level, Vec3};
 
 use super::estimate::OUTLIER_SHARE;
 use super::forward_selection::{ROUGH, with_tolerance};
@@ -68,6 +69,33 @@ struct Suspect {
 impl Suspect {
     fn last(&self) -> &CosineFit {
         &self.fits[self.fits.len() - 1]
+    }
+}
+
+/// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
+struct Residuals<'a, 'b> {
+    consensus: &'a Consensus<'b>,
+    i: usize,
+    fit: &'a CosineFit,
+}
+
+impl Kernel for Residuals<'_, '_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Vec<f32> {
+        let Self { consensus: Consensus { rig, scratch, fine, .. }, i, fit } = self;
+        let [across, up] = scratch.places[fine[i]].map(f64::from);
+        let model = CosineLobe::new(fit.at.map(f64::from));
+        let mut residuals = Vec::with_capacity(rig.observations());
+        for photograph in 0..rig.observations() {
+            let (towards, irradiance) = rig.lights()[photograph].at(across, up);
+            let view = rig.views()[photograph].at(across, up);
+            let (shown, _) = model.gradient(towards, view, towards.dot(view));
+            let mean = scratch.means[fine[i] + photograph * STRIDE];
+            residuals.push(mean - (irradiance * shown) as f32);
+        }
+        residuals
     }
 }
 
@@ -196,16 +224,7 @@ impl Consensus<'_> {
 
     /// Samples minus the cosine lobe; not finite where a photograph does not count.
     fn residuals(&self, i: usize, fit: &CosineFit) -> Vec<f32> {
-        let [across, up] = self.scratch.places[self.fine[i]].map(f64::from);
-        let model = CosineLobe::new(fit.at.map(f64::from));
-        let geometries = self.rig.lights().iter().zip(self.rig.views());
-        let residual = |(mean, (light, view)): (f32, (&Light, &View))| {
-            let (towards, irradiance) = light.at(across, up);
-            let view = view.at(across, up);
-            let (shown, _) = model.gradient(towards, view, towards.dot(view));
-            mean - (irradiance * shown) as f32
-        };
-        self.means(i).zip(geometries).map(residual).collect()
+        self.level.run(Residuals { consensus: self, i, fit })
     }
 
     /// Sum of squared residuals, each truncated at the limit.

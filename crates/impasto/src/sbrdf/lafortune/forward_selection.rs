@@ -56,12 +56,12 @@ impl LafortuneSelection {
         let mut adding =
             Adding { sequence: self, level, data, stopped, occupancy: Occupancy::default() };
         let [first, others @ ..] = STARTS;
-        let plain = pixels.iter().map(|&pixel| self.plain(data, pixel)).collect();
+        let plain = pixels.iter().map(|&pixel| self.plain(level, data, pixel)).collect();
         let mut found = adding.lobes(pixels, plain, first, &self.options);
         for starts in others {
             let doubtful: Vec<_> = (0..pixels.len()).filter(|&i| found[i].doubtful()).collect();
             let again: Vec<_> = doubtful.iter().map(|&i| pixels[i]).collect();
-            let plain = again.iter().map(|&pixel| self.plain(data, pixel));
+            let plain = again.iter().map(|&pixel| self.plain(level, data, pixel));
             // These start from the mirror direction wherever the first search did.
             let plain = plain.map(|plain| LafortuneEstimate { retro: false, ..plain }).collect();
             let mut other =
@@ -93,13 +93,13 @@ impl LafortuneSelection {
         adding.finish(&self.options, pixels, &all, found);
         // A pixel left without lobes is linear: no search computed its cost.
         for (found, &pixel) in found.iter_mut().zip(pixels).filter(|(found, _)| found.lobes == 0) {
-            *found = self.plain(data, pixel);
+            *found = self.plain(level, data, pixel);
         }
         found.iter_mut().for_each(LafortuneEstimate::sort);
     }
 
-    fn plain(&self, data: &Luminance<'_>, pixel: usize) -> LafortuneEstimate {
-        let plain = data.plain(pixel);
+    fn plain(&self, level: Level, data: &Luminance<'_>, pixel: usize) -> LafortuneEstimate {
+        let plain = data.plain(pixel, level);
         let mut at = [0.0; 1 + 3 * MOST_LOBES];
         at[0] = plain.diffuse;
         LafortuneEstimate {

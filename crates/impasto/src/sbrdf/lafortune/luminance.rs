@@ -3,7 +3,8 @@
 use crate::brdf::lafortune::Pair;
 use crate::geometry::Rig;
 use crate::lm::{Normal, ROWS, Rows};
-use crate::math::{Element, Real, Scalar, Vec3};
+use crate::math::lanes::Isa;
+use crate::math::{Element, Kernel, Level, Real, Scalar, Vec3};
 use crate::surface::{Lafortune, LightView, Pairs};
 
 /// Squared length of the sum of two directions that are opposite to each other, to a thousandth.
@@ -77,18 +78,34 @@ impl Luminance<'_> {
     }
 
     /// The best surface without lobes.
-    pub(super) fn plain(&self, pixel: usize) -> Plain {
-        let [x, y, z] = self.normals[pixel].map(f64::from);
-        let [across, up] = self.places[pixel].map(f64::from);
+    pub(super) fn plain(&self, pixel: usize, level: Level) -> Plain {
+        level.run(WithoutLobes { data: self, pixel })
+    }
+}
+
+/// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
+struct WithoutLobes<'a> {
+    data: &'a Luminance<'a>,
+    pixel: usize,
+}
+
+impl Kernel for WithoutLobes<'_> {
+    type Output = Plain;
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Plain {
+        let Self { data, pixel } = self;
+        let [x, y, z] = data.normals[pixel].map(f64::from);
+        let [across, up] = data.places[pixel].map(f64::from);
         let (mut count, mut own, mut pull, mut square) = (0, 0.0_f64, 0.0_f64, 0.0_f64);
-        let mut sides = [Side::default(); 2];
-        let samples = self.samples[pixel..].iter().step_by(self.stride).take(self.photographs());
-        for (photograph, sample) in samples.map(|&sample| f64::from(sample)).enumerate() {
+        let [mut mirror, mut retro] = [Side::default(); 2];
+        for photograph in 0..data.photographs() {
+            let sample = f64::from(data.samples[photograph * data.stride + pixel]);
             if !sample.is_finite() {
                 continue;
             }
-            let light = self.rig.lights()[photograph];
-            let view = self.rig.views()[photograph].at(across, up);
+            let light = data.rig.lights()[photograph];
+            let view = data.rig.views()[photograph].at(across, up);
             let (towards, irradiance) = light.at(across, up);
             let pair = Pair::against(Vec3::new(x, y, z), towards, view, towards.dot(view));
             let cosine = pair.cosine * irradiance;
@@ -96,14 +113,13 @@ impl Luminance<'_> {
             own = cosine.mul_add(cosine, own);
             pull = cosine.mul_add(sample, pull);
             square = sample.mul_add(sample, square);
-            for (side, sign) in sides.iter_mut().zip([-1.0, 1.0]) {
-                side.add(sign.mul_add(pair.tangential, pair.upright), cosine, sample);
-            }
+            mirror.add(pair.upright - pair.tangential, cosine, sample);
+            retro.add(pair.upright + pair.tangential, cosine, sample);
         }
         let diffuse = if own > 0.0 { (pull / own).max(0.0) } else { 0.0 };
         let cost = (diffuse * own - 2.0 * pull).mul_add(diffuse, square).max(0.0);
-        let [mirror, retro] = sides.map(|side| side.gain(diffuse, own));
-        Plain { count, diffuse, cost, square, retro: retro > mirror }
+        let retro = retro.gain(diffuse, own) > mirror.gain(diffuse, own);
+        Plain { count, diffuse, cost, square, retro }
     }
 }
 
@@ -127,6 +143,7 @@ struct Side {
 }
 
 impl Side {
+    #[inline(always)]
     fn add(&mut self, base: f64, cosine: f64, sample: f64) {
         let squared = base.max(0.0) * base.max(0.0);
         let value = squared * squared * cosine;
@@ -136,6 +153,7 @@ impl Side {
     }
 
     /// Fall of the cost when the lobe joins a diffuse part whose squares sum up to `own`.
+    #[inline(always)]
     fn gain(&self, diffuse: f64, own: f64) -> f64 {
         let left = (-diffuse).mul_add(self.shared, self.pull).max(0.0);
         let new = self.own - self.shared * (self.shared / own);

@@ -67,8 +67,10 @@ pub(super) fn fit_cosine_lobe(
         })
         .collect();
     let place = usize::MAX;
+    let half_of = |&pixel: &usize| (0.5 * data.plain(pixel, level).diffuse) as f32;
     let mut lanes = CosineLobeBatch {
         data,
+        strengths: pixels.iter().take_while(|_| !stopped()).map(half_of).collect(),
         geometries,
         pixels,
         best: vec![(f32::INFINITY, place); pixels.len()],
@@ -78,7 +80,7 @@ pub(super) fn fit_cosine_lobe(
         lower: [0.0, 0.0, 0.0, -STEEPEST, -STEEPEST],
         upper: [f32::MAX, f32::MAX, 10.0, STEEPEST, STEEPEST],
     };
-    let problems = (0..STARTS * pixels.len()).take_while(|_| !stopped());
+    let problems = (0..STARTS * lanes.strengths.len()).take_while(|_| !stopped());
     fit(level, &mut lanes, problems, &bounds, options);
     lanes.found
 }
@@ -87,6 +89,8 @@ struct CosineLobeBatch<'a> {
     data: &'a Luminance<'a>,
     geometries: Geometries<f32>,
     pixels: &'a [usize],
+    /// Per pixel: where strengths start, half of the diffuse reflectance without a lobe.
+    strengths: Vec<f32>,
     /// The smallest cost so far, and the start that led to it.
     best: Vec<(f32, usize)>,
     found: Vec<CosineFit>,
@@ -104,7 +108,7 @@ impl Batch<f32, PARAMETERS> for CosineLobeBatch<'_> {
             1 => self.data.normals[pixel],
             _ => self.data.brightest(pixel, &self.geometries),
         });
-        let strength = (0.5 * self.data.plain(pixel).diffuse) as f32;
+        let strength = self.strengths[problem / STARTS];
         [strength, strength, START.ln() as f32, p, q]
     }
     #[inline(always)]

@@ -5,6 +5,8 @@
 //! subset is all of them.
 
 use crate::error::Result;
+use crate::math::Kernel;
+use crate::math::lanes::Isa;
 use crate::pixels::{Run, TILE, tiles, zeros};
 use crate::stack::{Decode, Samples, Shape, Stack};
 
@@ -51,12 +53,7 @@ impl Subset {
                     if run.cancelled() {
                         return;
                     }
-                    photographs.stack.read(
-                        plane / photographs.bands,
-                        plane % photographs.bands,
-                        first,
-                        row,
-                    );
+                    run.level.run(DecodeRow { photographs, plane, first, row });
                     while let Some(&pixel) = picks.get(next)
                         && pixel < first + count
                     {
@@ -107,6 +104,25 @@ impl Subset {
         stack: &'a Stack<'a>,
     ) -> Photographs<'a> {
         Photographs { stack, status: &self.status, places: Some((&self.x, &self.y)), ..*whole }
+    }
+}
+
+/// A kernel, for a product-sum outside of one is a call.
+struct DecodeRow<'a> {
+    photographs: &'a Photographs<'a>,
+    /// A photograph and band.
+    plane: usize,
+    first: usize,
+    row: &'a mut [f32],
+}
+
+impl Kernel for DecodeRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Self { photographs: Photographs { stack, bands, .. }, plane, first, row } = self;
+        stack.read(plane / bands, plane % bands, first, row);
     }
 }
 
