@@ -139,3 +139,98 @@ pub(super) fn drop_unsupported<M: LobeEstimation>(
         tile.estimates[pixel] = kept;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tile::TILE;
+    use super::*;
+    use crate::geometry::{Grid, Light, Rig, View};
+    use crate::stack::{Decode, Samples, Shape, Stack};
+    use crate::surface::{LobeModel, TorranceSparrow};
+
+    const LIGHTS: usize = 9;
+    const PIXELS: usize = 60;
+
+    /// Lamps that are near and cameras that are, some of them, and none that counts for one pixel.
+    #[test]
+    fn supported_lobes_reach_their_share_in_the_nearest_photograph() {
+        let model = TorranceSparrow { index: 1.45 };
+        let wave = |i: usize, by: f64| (i as f64 * by).sin();
+        let lights: Vec<Light> = (0..LIGHTS)
+            .map(|i| {
+                let towards = Vec3::new(0.6 * wave(i, 2.4), 0.6 * wave(i, 1.7), 0.8).normalised();
+                if i % 2 == 0 {
+                    Light::Distant(towards)
+                } else {
+                    Light::Point { position: towards.scale(90.0), falloff: true }
+                }
+            })
+            .collect();
+        let views = (0..LIGHTS).map(|i| {
+            let eye = Vec3::new(10.0, -5.0, 80.0);
+            if i % 3 == 0 { View::Point(eye) } else { View::Distant(Vec3::new(0.0, 0.0, 1.0)) }
+        });
+        let rig = Rig::new(lights.clone(), views.clone(), Grid::whole(10, 6, 4.0)).unwrap();
+        let photographs = Photographs::new(model, &rig, None);
+        let shape = Shape { observations: LIGHTS, bands: 1, height: 6, width: 10 };
+        let decode = [Decode { gain: 1.0, offset: 0.0, saturation: f32::INFINITY }; LIGHTS];
+        let samples = [0.0; LIGHTS * PIXELS];
+        let stack = Stack::new(Samples::F32(&samples), shape, &decode, None).unwrap();
+        let mut tile = LobeFitTile::new(&stack);
+        rig.grid().coordinates(0, &mut tile.x[..PIXELS], &mut tile.y[..PIXELS]);
+        for i in 0..PIXELS {
+            let normal = Vec3::new(0.3 * wave(i, 0.9), 0.3 * wave(i, 1.9), 1.0).normalised();
+            let mut estimate = Estimate::new(normal.array().map(|v| v as f32));
+            estimate.lobes = i % 3;
+            estimate.shapes[0][0] = 6.0 + 1.5 * wave(i, 0.4) as f32;
+            estimate.shapes[1][0] = 4.0 + 2.0 * wave(i, 0.7) as f32;
+            tile.estimates.push(estimate);
+            for photograph in 0..LIGHTS {
+                let counts = i != 4 && (i + photograph) % 5 != 0;
+                tile.grey.weights[photograph * STRIDE + i] = f32::from(u8::from(counts));
+            }
+        }
+        assert!(PIXELS <= TILE);
+        let mut close = 0;
+        let expected: Vec<[bool; MOST_LOBES]> = (0..PIXELS)
+            .map(|i| {
+                let Estimate { normal, shapes, lobes, .. } = tile.estimates[i];
+                let [x, y, z] = normal.map(f64::from);
+                let normal = Vec3::new(x, y, z);
+                let [x, y] = [f64::from(tile.x[i]), f64::from(tile.y[i])];
+                let (mut nearest, mut pair) = (f64::NEG_INFINITY, None);
+                for (photograph, (light, view)) in lights.iter().zip(views.clone()).enumerate() {
+                    let (light, view) = (light.at(x, y).0, view.at(x, y));
+                    let cosine = (light + view).normalised().dot(normal);
+                    let counts = tile.grey.weights[photograph * STRIDE + i] > 0.0;
+                    if counts && cosine > nearest {
+                        (nearest, pair) = (cosine, Some((light, view)));
+                    }
+                }
+                let mut supported = [false; MOST_LOBES];
+                let Some((light, view)) = pair else { return supported };
+                for lobe in 0..lobes {
+                    let pair = model.pair(light, view);
+                    let own = f64::from(shapes[lobe][0]).exp();
+                    let facing = (light + view).normalised();
+                    let peak = model.value(&own, &pair, facing);
+                    let share = model.value(&own, &pair, normal) / peak;
+                    supported[lobe] = share >= SEEN;
+                    // Single precision changes an exponent of up to 100 by 1e-5.
+                    close += usize::from((share / SEEN - 1.0).abs() < 1e-3);
+                }
+                supported
+            })
+            .collect();
+        assert_eq!(close, 0, "a share at the limit tells nothing");
+        let lobes: usize = expected.iter().flatten().map(|&seen| usize::from(seen)).sum();
+        assert!((10..50).contains(&lobes), "{lobes}");
+        let pixels: Vec<usize> = (0..PIXELS).collect();
+        let some: Vec<usize> = pixels.iter().copied().filter(|pixel| pixel % 7 != 2).collect();
+        for level in Level::ALL.into_iter().filter(|level| level.available()) {
+            assert_eq!(supported(&photographs, &tile, &pixels, level), expected, "{level:?}");
+            let found = supported(&photographs, &tile, &some, level);
+            assert!(found.iter().zip(&some).all(|(found, &pixel)| *found == expected[pixel]));
+        }
+    }
+}
