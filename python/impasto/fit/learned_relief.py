@@ -22,7 +22,7 @@ from impasto.errors import GeometryError
 from impasto.fit.choice import MARGIN, predicted
 from impasto.fit.cross_validation import FEWEST, Fold, folds_of, full_scale
 from impasto.fit.relief import Relief, blocks
-from impasto.fit.residuals import usual_residuals
+from impasto.fit.residuals import full_light, usual_residuals
 from impasto.fit.subsample import stride_index
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -270,6 +270,7 @@ def _judged(fit: Fit, folds: Sequence[Fold], threads: int | None) -> NDArray[np.
 
     def with_residuals(known: Stack) -> Any:
         result = fit(known)
-        return replace(result, residuals=usual_residuals(known, result, threads))
+        usual = usual_residuals(known, result, full_light(known), threads)
+        return replace(result, residuals=usual)
 
     return max(predicted(with_residuals, folds, top, threads), key=np.mean)

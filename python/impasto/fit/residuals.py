@@ -220,7 +220,7 @@ def learn_residuals(
         return None
     if all(np.isnan(fold.compared).all() for fold in folds):
         return None
-    top, ceiling = _top(part), part.ceiling[:, None, None]
+    top, ceiling = full_light(part), part.ceiling[:, None, None]
     gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
     for fold in folds:
         result = fit(fold.known)
@@ -230,7 +230,8 @@ def learn_residuals(
         real = np.minimum(_coded_by(compared, units), limit)
         real[np.isnan(compared)] = np.nan
         alone = psnr(np.minimum(model, limit), real)
-        residual = _residual_codes(fold.known, result, top, threads)
+        shown = result.predict(fold.known.rig, threads=threads)
+        residual = _residual_codes(fold.known, result, shown, top, threads)
         basis = principal_components(residual)
         scores = np.tensordot(basis, residual, axes=1)
         places = stereographic(fold.known.rig.directions), stereographic(fold.rig.directions)
@@ -242,7 +243,9 @@ def learn_residuals(
                 better = psnr(np.clip(model + change, 0.0, limit), real) - alone
                 gains.setdefault((length, noise, count), []).append(better)
     every = {setting: np.concatenate(each) for setting, each in gains.items()}
-    residual = _residual_codes(part, fit(part), top, threads)
+    whole = fit(part)
+    shown = whole.predict(part.rig, threads=threads)
+    residual = _residual_codes(part, whole, shown, top, threads)
     basis = principal_components(residual)
     setting = _best(every, _enough(residual, basis))
     gain, scatter = float(every[setting].mean()), float(every[setting].std())
@@ -277,17 +280,17 @@ def _enough(residual: NDArray[np.float32], basis: NDArray[np.float64]) -> int:
     return next((count for count in COMPONENTS if count >= fewest), COMPONENTS[-1])
 
 
-def usual_residuals(stack: Stack, result: Any, threads: int | None) -> Residuals:
+def usual_residuals(stack: Stack, result: Any, top: float, threads: int | None) -> Residuals:
     """Residuals with usual numbers, for comparing fits that will have their own.
 
-    Of few pixels: codes of all photographs are held at once.
+    Of few pixels: codes of all photographs are held at once. ``top`` is :func:`full_light` of the
+    stack.
     """
-    top = _top(stack)
-    codes = _residual_codes(stack, result, top, threads)
+    shown = result.predict(stack.rig, threads=threads)
+    codes = _residual_codes(stack, result, shown, top, threads)
     learned = LearnedResiduals(principal_components(codes), *PROCESSES[0], top, 0.0)
     maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
-    for index, photograph in enumerate(codes):
-        _project(maps, learned.basis[:, index], photograph)
+    _add_scores(maps, stack, 0, shown, learned.basis, top, threads)
     return _residuals(learned, maps, result)
 
 
@@ -306,20 +309,10 @@ def apply_residuals(
         None means every allowed core.
     """
     maps = np.zeros((len(learned.basis), *stack.shape[1:]), np.float32)
-    arguments, rig = StackArguments.of(stack), stack.rig
-    for first in range(0, len(rig), TOGETHER):
-        some = rig.take(range(first, min(first + TOGETHER, len(rig))))
-        _core.add_residual_scores(
-            arguments,
-            first,
-            result.modelled(some, threads=threads),
-            rig.intensities,
-            learned.top,
-            _CODES,
-            learned.basis,
-            maps,
-            thread_count(threads),
-        )
+    for first in range(0, len(stack.rig), TOGETHER):
+        some = stack.rig.take(range(first, min(first + TOGETHER, len(stack.rig))))
+        shown = result.modelled(some, threads=threads)
+        _add_scores(maps, stack, first, shown, learned.basis, learned.top, threads)
     return _residuals(learned, maps, result)
 
 
@@ -355,48 +348,41 @@ def principal_components(residual: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.ascontiguousarray(leading * np.where(largest < 0.0, -1.0, 1.0))
 
 
-def _project(
-    maps: NDArray[np.float32], directions: NDArray[np.float64], codes: NDArray[np.float32]
+def _add_scores(
+    scores: NDArray[np.float32],
+    stack: Stack,
+    first: int,
+    shown: NDArray[np.float32],
+    basis: NDArray[np.float64],
+    top: float,
+    threads: int | None,
 ) -> None:
-    """Add the part of one photograph's residuals to the scores along each direction."""
-    for weight, plane in zip(directions.astype(np.float32), maps, strict=True):
-        plane += weight * codes
+    """Add the part of the photographs from ``first`` on, of which a fit shows ``shown``."""
+    arguments, intensities = StackArguments.of(stack), stack.rig.intensities
+    count = thread_count(threads)
+    _core.add_residual_scores(
+        arguments, first, shown, intensities, top, _CODES, basis, scores, count
+    )
 
 
 def _residual_codes(
-    stack: Stack, result: Any, top: float, threads: int | None
+    stack: Stack, result: Any, shown: NDArray[np.float32], top: float, threads: int | None
 ) -> NDArray[np.float32]:
-    """``(obs, band, y, x)``; 0 where a sample is missing."""
+    """``(obs, band, y, x)``; 0 where a sample is missing.
+
+    They are the scores along the axes.
+    """
     codes = np.zeros(stack.shape, np.float32)
-    shown = np.nan_to_num(result.predict(stack.rig, threads=threads), nan=0.0)
-    for index, light in enumerate(stack.rig.intensities.tolist()):
-        unit = light * top
-        codes[index] = _difference(_seen(stack, index, shown[index]), shown[index], unit)
+    _add_scores(codes, stack, 0, shown, np.eye(len(stack.rig)), top, threads)
     codes[..., result.status >= Status.INVALID_INPUT] = 0.0
     return codes
 
 
-def _seen(stack: Stack, index: int, shown: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A photograph; where it is clipped, the model if above the ceiling, or else the ceiling."""
-    linear = stack.linear(index)
-    clipped = np.where(np.isfinite(stack.ceiling)[:, None, None], stack.ceiling[:, None, None], 0.0)
-    return np.where(linear == np.inf, np.maximum(shown, clipped), linear)
-
-
-def _top(stack: Stack) -> float:
+def full_light(stack: Stack) -> float:
     """Linear light of full scale, relative to the strength of the light."""
     lights = stack.rig.intensities.astype(np.float32)
     with np.errstate(over="ignore"):  # then they are no number to be counted
         return full_scale(stack.linear(index) / light for index, light in enumerate(lights))
-
-
-def _difference(
-    linear: NDArray[np.float32], shown: NDArray[np.float32], unit: float
-) -> NDArray[np.float32]:
-    """Codes of a photograph less those of its prediction."""
-    codes = _coded(linear, unit) - _coded(shown, unit)
-    codes[np.isnan(linear)] = 0.0
-    return codes
 
 
 def _coded_by(photographs: NDArray[np.float32], units: NDArray[np.float64]) -> NDArray[np.float32]:

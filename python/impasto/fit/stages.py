@@ -31,7 +31,12 @@ from impasto.fit.normals import METHODS, LearnedNormals, Method, Normals, fit_no
 from impasto.fit.options import FitKind, fit_kind
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
 from impasto.fit.relief import Relief
-from impasto.fit.residuals import LearnedResiduals, learn_residuals, usual_residuals
+from impasto.fit.residuals import (
+    LearnedResiduals,
+    full_light,
+    learn_residuals,
+    usual_residuals,
+)
 from impasto.fit.result import Sbrdf
 from impasto.fit.rig_refinement import refined
 from impasto.fit.segments import SegmentSbrdf, fit_segments
@@ -216,6 +221,10 @@ def chosen_kind(
     def around(known: Stack) -> Relief | None:
         return None if before is None else Relief.of(before[1](known), 1, before[2])
 
+    @cache
+    def top(known: Stack) -> float:
+        return full_light(known)
+
     def fit(candidate: Candidate) -> Fit:
         options: dict[str, Any] = {**given, **candidate.options}
         tried = fit_kind(kinds[0].model, options.pop("pooling"))
@@ -227,7 +236,7 @@ def chosen_kind(
             result: Sbrdf = replace(plain(seen), relief=relief)
             if not kept:
                 return result
-            return replace(result, residuals=usual_residuals(known, result, threads))
+            return replace(result, residuals=usual_residuals(known, result, top(known), threads))
 
         return around_it
 

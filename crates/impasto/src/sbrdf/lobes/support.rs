@@ -190,7 +190,7 @@ mod tests {
                 tile.grey.weights[photograph * STRIDE + i] = f32::from(u8::from(counts));
             }
         }
-        assert!(PIXELS <= TILE);
+        const { assert!(PIXELS <= TILE) };
         let mut close = 0;
         let expected: Vec<[bool; MOST_LOBES]> = (0..PIXELS)
             .map(|i| {
