@@ -7,7 +7,7 @@ import pytest
 
 from impasto import Stack
 from impasto.encoding import Encoding
-from impasto.fit.held_out import ROUNDED, HeldOut
+from impasto.fit.held_out import ROUNDED, HeldOut, log_ratios
 
 LIGHTS = np.array([[0.5, 0.1, 0.86], [-0.5, 0.2, 0.84], [0.1, -0.6, 0.79], [0.1, 0.6, 0.79]])
 LIGHTS /= np.linalg.norm(LIGHTS, axis=1)[:, None]
@@ -91,3 +91,27 @@ def test_a_prediction_that_overflows_is_a_large_error() -> None:
     assert np.isfinite(known[:3]).all()
     assert known[0] > known[1] > known[2]
     assert np.isnan(known[3])
+
+
+def test_ratios_are_medians_over_the_pixels_that_a_lamp_lights() -> None:
+    """By numpy's median, photograph by photograph."""
+    rng = np.random.default_rng(3)
+    expected = rng.uniform(0.5, 1.0, (5, 9))
+    samples = (
+        np.array([2.0, 0.5, 1.0, 3.0, 1.0])[:, None] * expected * rng.uniform(0.9, 1.1, (5, 9))
+    )
+    intensities = np.array([1.0, 2.0, 1.0, 0.5, 1.0])
+    samples[0, 4] = np.inf  # clipped: eight are left
+    samples[1, :2] = 0.0
+    expected[2, 3] = 0.0  # in shadow
+    samples[3] = np.nan
+    expected[4] = 1e-6
+    found = log_ratios(samples, expected, intensities)
+    even = expected / intensities[:, None]
+    for photograph in (0, 1, 2):
+        usable = np.isfinite(samples[photograph]) & (samples[photograph] > 0.0)
+        usable &= even[photograph] > 0.2 * even.mean(axis=0)
+        ratio = samples[photograph, usable] / expected[photograph, usable]
+        assert found[photograph] == pytest.approx(np.median(np.log(ratio)), abs=1e-12)
+    assert np.isnan(found[3:]).all()
+    assert found.dtype == np.float64

@@ -82,17 +82,28 @@ def test_without_noise_known_lights_show_the_photographs(stack: impasto.Stack) -
     assert decibels(kept.predict(), truth).min() > 65.0 - 10.0
 
 
-def test_scores_are_those_of_plain_numpy(stack: impasto.Stack) -> None:
-    clipped = impasto.Stack(stack.samples, lights=stack.rig, saturation=0.5)
+@pytest.mark.parametrize("kind", [np.float32, np.uint16, np.float16])
+def test_scores_are_those_of_plain_numpy(stack: impasto.Stack, kind: Any) -> None:
+    """Of photographs with a black level, some of them clipped, under lamps of two strengths."""
+    lights = [
+        DistantLight((x, y, z), 1.0 + index % 2)
+        for index, (x, y, z) in enumerate(stack.rig.directions.tolist())
+    ]
+    unit = 40000.0 if kind is np.uint16 else 1.0
+    stored = (unit * (np.minimum(stack.samples, 1.2) + 0.1)).astype(kind)
+    clipped = impasto.Stack(
+        stored, lights=lights, scale=1.0 / unit, black=0.1 * unit, saturation=0.6 * unit
+    )
     model = fit_sbrdf(clipped, pooling="painting")
     rng = np.random.default_rng(4)
     basis = np.ascontiguousarray(np.linalg.qr(rng.normal(size=(48, 48)))[0][:5])
-    kept = apply_residuals(LearnedResiduals(basis, 0.3, 0.1, 0.8, 0.0), clipped, model, threads=1)
+    kept = apply_residuals(LearnedResiduals(basis, 0.3, 0.1, 0.4, 0.0), clipped, model, threads=1)
     shown = np.nan_to_num(model.predict(fidelity="model"), nan=0.0).astype(np.float64)
     linear = np.array([clipped.linear(index) for index in range(48)])
     assert 0.001 < np.isinf(linear).mean() < 0.5
     seen = np.where(np.isinf(linear), np.maximum(shown, 0.5), linear)
-    light = np.clip(np.array([seen, shown]) / 0.8, 0.0, 1.0)
+    strength = np.array([light.intensity for light in lights])[:, None, None, None]
+    light = np.clip(np.array([seen, shown]) / strength / 0.4, 0.0, 1.0)
     codes = 255.0 * np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     expected = np.tensordot(basis, codes[0] - codes[1], axes=1)
     known = np.isfinite(kept.maps.astype(np.float32))

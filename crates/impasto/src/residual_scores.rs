@@ -3,6 +3,8 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
 
+use core::ops::Range;
+
 use crate::error::{Error, Result};
 use crate::math::lanes::{Isa, MAX_LANES};
 use crate::math::tail::{load, store};
@@ -40,7 +42,7 @@ pub struct ResidualScores<'a> {
 /// A tile of the scores.
 struct Tile<'a> {
     start: usize,
-    count: usize,
+    length: usize,
     /// `(component, band)`.
     planes: Vec<&'a mut [f32]>,
 }
@@ -74,9 +76,9 @@ impl ResidualScores<'_> {
             scores.chunks_mut(pixels).map(|plane| plane.chunks_mut(TILE)).collect();
         let tiles = tiles(pixels)
             .into_iter()
-            .map(|(start, count)| {
+            .map(|(start, length)| {
                 let planes = planes.iter_mut().filter_map(Iterator::next).collect();
-                Tile { start, count, planes }
+                Tile { start, length, planes }
             })
             .collect();
         let scratch = || (vec![0.0; count * STRIDE], [[0.0; BLOCK]; 2]);
@@ -104,20 +106,20 @@ impl Kernel for Add<'_, '_> {
         let Self { photographs, count, residuals, codes, mut tile } = self;
         let shape = photographs.stack.shape();
         let components = tile.planes.len() / shape.bands;
-        for first in (0..tile.count).step_by(BLOCK) {
-            let length = BLOCK.min(tile.count - first);
+        for at in (0..tile.length).step_by(BLOCK) {
+            let block = at..tile.length.min(at + BLOCK);
             for band in 0..shape.bands {
                 for index in 0..count {
                     let out = &mut residuals[index * STRIDE..][..BLOCK];
-                    let place = [index, band, tile.start + first, length];
-                    photographs.residuals::<I::F32>(place, codes, out);
+                    let pixels = tile.start + block.start..tile.start + block.end;
+                    photographs.residuals::<I::F32>(index, band, pixels, codes, out);
                 }
                 for component in 0..components {
-                    let scores = &mut tile.planes[component * shape.bands + band][first..];
-                    let scores = &mut scores[..length];
+                    let plane = component * shape.bands + band;
+                    let scores = &mut tile.planes[plane][block.clone()];
                     let own = component * shape.observations + photographs.first;
                     let weights = &photographs.basis[own..own + count];
-                    for at in (0..length).step_by(I::F32::WIDTH) {
+                    for at in (0..block.len()).step_by(I::F32::WIDTH) {
                         let mut score = load::<I::F32>(scores, at);
                         for index in 0..count {
                             let residual = I::F32::load(&residuals[index * STRIDE + at..]);
@@ -132,19 +134,21 @@ impl Kernel for Add<'_, '_> {
 }
 
 impl ResidualScores<'_> {
-    /// The residuals of `length` pixels from `start` on, of one photograph and band.
+    /// The residuals of some pixels in one photograph and band.
     #[inline(always)]
     fn residuals<R: Real<Scalar = f32>>(
         &self,
-        [index, band, start, length]: [usize; 4],
+        index: usize,
+        band: usize,
+        pixels: Range<usize>,
         [seen, shown]: &mut [[f32; BLOCK]; 2],
         out: &mut [f32],
     ) {
         let shape = self.stack.shape();
-        let observation = self.first + index;
-        self.stack.read(observation, band, start, &mut seen[..length]);
+        let (observation, length) = (self.first + index, pixels.len());
+        self.stack.read(observation, band, pixels.start, &mut seen[..length]);
         let plane = (index * shape.bands + band) * shape.pixels();
-        let fitted = &self.shown[plane + start..plane + start + length];
+        let fitted = &self.shown[plane + pixels.start..plane + pixels.end];
         let ceiling = self.stack.ceiling(observation, band);
         let ceiling = R::splat(if ceiling.is_finite() { ceiling } else { 0.0 });
         let light = R::of(self.intensities[observation]);
@@ -177,13 +181,17 @@ const _: () = assert!(BLOCK.is_multiple_of(MAX_LANES), "blocks are whole registe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pixels::serially;
+    use core::sync::atomic::AtomicBool;
+
+    use crate::math::Level;
+    use crate::pixels::{Pool, Progress};
     use crate::stack::{Decode, Samples, Shape};
 
-    const SHAPE: Shape = Shape { observations: 3, bands: 2, height: 5, width: 61 };
+    /// Two tiles, the second of which no block divides.
+    const SHAPE: Shape = Shape { observations: 3, bands: 2, height: 5, width: 851 };
 
-    /// In groups of one and of three: the same bits, and those of plain sums to the rounding of three
-    /// terms.
+    /// In groups of one and of three, in every instruction set and on several threads: the same bits,
+    /// and plain sums to the steps of the curve.
     #[test]
     fn scores_are_sums_over_photographs_in_any_groups() {
         let plane = SHAPE.bands * SHAPE.pixels();
@@ -197,7 +205,10 @@ mod tests {
         // A curve that is light itself: its steps are 1e-4 apart where light is 1.
         let curve: Vec<f32> = (0..=20_000_u16).map(|i| (f32::from(i) / 2e4).powi(2)).collect();
         let basis = [0.6, -0.8, 0.1, 0.3, 0.2, 0.9];
-        let added = |groups: &[usize]| {
+        let added = |groups: &[usize], level: Level, threads: usize| {
+            let pool = Pool::new(threads).unwrap();
+            let (cancel, progress) = (AtomicBool::new(false), Progress::default());
+            let run = Run { pool: Some(&pool), level, cancel: &cancel, progress: &progress };
             let mut scores = vec![0.0; 2 * plane];
             let mut first = 0;
             for &count in groups {
@@ -210,13 +221,15 @@ mod tests {
                     curve: &curve,
                     basis: &basis,
                 };
-                serially(|run| some.add_to(&mut scores, run)).unwrap();
+                some.add_to(&mut scores, &run).unwrap();
                 first += count;
             }
             scores
         };
-        let scores = added(&[3]);
-        assert_eq!(scores, added(&[1, 1, 1]));
+        let scores = added(&[3], Level::Baseline, 1);
+        for level in Level::ALL.into_iter().filter(|level| level.available()) {
+            assert!(scores == added(&[1, 2], level, 3), "{level:?}");
+        }
         let mut largest = 0.0_f64;
         for at in 0..plane {
             for component in 0..2 {
@@ -231,7 +244,7 @@ mod tests {
                 largest = largest.max((f64::from(scores[component * plane + at]) - expected).abs());
             }
         }
-        // Half a step of either code, three times, with weights of at most 1.5 in sum.
+        // Half a step of either code is 1e-4 of a residual; the weights sum to at most 1.5.
         assert!(largest < 1.5e-4, "{largest}");
     }
 }

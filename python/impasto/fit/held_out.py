@@ -317,7 +317,7 @@ def log_ratios(
     rows = np.sort(log.reshape(len(log), -1), axis=1)  # NaN are last
     count = np.count_nonzero(~np.isnan(rows), axis=1)
     middle = np.stack([(count - 1) // 2, count // 2], axis=1)
-    return np.asarray(np.take_along_axis(rows, middle, axis=1).mean(axis=1))
+    return np.asarray(np.take_along_axis(rows, middle, axis=1).mean(axis=1), np.float64)
 
 
 def fold_count(lights: int, fewest: int, folds: int) -> int:

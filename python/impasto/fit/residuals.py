@@ -50,9 +50,9 @@ SEEN = 0.03
 """The same up to which pixels without a model are shown: 2 % darker, and black farther away."""
 ONE_VIEW = 0.05
 """Views within this angle, radians, are one view, as in the numerics."""
-TOGETHER = 8
-"""Photographs whose part is added to the maps together: the maps of all components are read and
-written once for them, which takes longer than all else."""
+TOGETHER = 6
+"""Photographs whose part is added to the maps together. Reading and writing the maps of all
+components takes longest, and is done once for so many photographs."""
 ROWS, WIDTH = 32, 1024
 """Rows of a picture that are computed together, and the width from which on they are fewer."""
 

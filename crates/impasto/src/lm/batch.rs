@@ -29,8 +29,8 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// Writes one problem's numbers to its column and returns the parameters to start from.
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N];
 
-    /// Number of samples of a problem, by whose root [`Options::offset`] is divided. The default, 1,
-    /// leaves it a share of the residuals' length.
+    /// Number of samples of a problem, by whose root [`Options::offset`] is divided; not asked for where
+    /// that is 0. The default, 1, leaves it a share of the residuals' length.
     fn samples(&self, _problem: usize) -> usize {
         1
     }

@@ -145,8 +145,9 @@ impl<R: Real> Arrow<R> {
             for i in 0..3 {
                 for j in 0..3 {
                     for k in 0..3 {
-                        let less = cross[k][i] * solved[k][j];
-                        complement[i][j] = complement[i][j] - by_shared[i] * less * by_shared[j];
+                        let less = -(by_shared[i] * cross[k][i]);
+                        let own = solved[k][j] * by_shared[j];
+                        complement[i][j] = less.mul_add(own, complement[i][j]);
                     }
                 }
             }
@@ -242,7 +243,8 @@ fn inverted<R: Real>(matrix: &Square<R>) -> Square<R> {
     for i in 0..3 {
         for j in 0..3 {
             let ([a, b], [c, d]) = ([(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]);
-            cofactors[i][j] = matrix[a][c] * matrix[b][d] - matrix[a][d] * matrix[b][c];
+            let less = matrix[a][d] * matrix[b][c];
+            cofactors[i][j] = matrix[a][c].mul_add(matrix[b][d], -less);
         }
     }
     let mut determinant = R::zero();
@@ -267,7 +269,7 @@ fn add_product<R: Real>(sums: &mut [R], at: usize, left: R, right: R) {
 
 /// How the unknowns of pixels, one per lane, follow the rig.
 pub(super) struct Followed<R: Real> {
-    pub(super) layout: Layout,
+    layout: Layout,
     held: Products<R>,
     fitted: Products<R>,
     arrow: Arrow<R>,
@@ -367,7 +369,7 @@ impl<R: Real> Followed<R> {
     }
 
     /// Sums of squares of what is left of the derivatives: by every inverse distance, and by all
-    /// strengths together; into `(number)`.
+    /// strengths together; into `(kind)`.
     #[inline(always)]
     pub(super) fn leverage(&self, out: &mut [R]) {
         let Self { layout, follow, half, direct, .. } = self;

@@ -152,7 +152,8 @@ impl<R: Real> Colours<R> {
     /// What shows under a light of strength 1.
     #[inline(always)]
     fn shown(&self, light: &Light<R>) -> R {
-        self.diffuse * light.diffuse + self.strength * light.lobe + self.ambient
+        let matte = self.diffuse.mul_add(light.diffuse, self.ambient);
+        self.strength.mul_add(light.lobe, matte)
     }
 
     /// The row of a sample, with the light's strength times the slope of its code as `scale`; zeros
@@ -167,8 +168,8 @@ impl<R: Real> Colours<R> {
         Row {
             error: R::keep(counts, error),
             shared: [
-                R::keep(counts, scale * (diffuse * across + strength * first)),
-                R::keep(counts, scale * (diffuse * along + strength * second)),
+                R::keep(counts, scale * diffuse.mul_add(across, strength * first)),
+                R::keep(counts, scale * diffuse.mul_add(along, strength * second)),
                 R::keep(counts, scale * strength * width),
             ],
             own: [

@@ -25,8 +25,8 @@ pub(super) struct Sums {
     half: Vec<f64>,
 }
 
-/// `F` and `U'D - U'U F / 2` of some pixels, `(pixel, unknown, number)`, with zeros up to whole
-/// registers.
+/// `F` times a pixel's weight, and `U'D - U'U F / 2`, of some pixels: `(pixel, unknown, number)`, with
+/// zeros up to whole registers.
 pub(super) struct Lines {
     follow: Vec<f64>,
     half: Vec<f64>,
@@ -50,7 +50,7 @@ impl Sums {
         Self { layout, direct, half: vec![0.0; stride(layout).pow(2)] }
     }
 
-    /// Adds pixels that have followed the rig, those in the first lanes that have a weight.
+    /// Adds the pixels in the first lanes, as many as there are weights, which have followed the rig.
     ///
     /// Pixel by pixel, in their order: the sums do not depend on how many lanes there are.
     #[inline(always)]
@@ -64,7 +64,7 @@ impl Sums {
         for at in 0..self.direct.len() {
             followed.direct[at].store(&mut lanes);
             for lane in 0..weights.len() {
-                self.direct[at] += weights[lane] * lanes[lane];
+                self.direct[at] = weights[lane].mul_add(lanes[lane], self.direct[at]);
             }
         }
         let (unknowns, stride) = (self.layout.unknowns(), stride(self.layout));
@@ -83,7 +83,8 @@ impl Sums {
             }
         }
         let count = weights.len() * unknowns * stride;
-        add_products::<R>(&mut self.half, &lines.follow[..count], &lines.half[..count], stride);
+        let lines = [&lines.follow[..count], &lines.half[..count]];
+        add_products::<R>(&mut self.half, lines, [self.layout.columns(), stride]);
     }
 
     /// Adds the sums of other pixels.
@@ -114,17 +115,16 @@ impl Sums {
 /// Rows of a block of the product.
 const ROWS: usize = 4;
 
-/// Adds `left' right` to a square matrix, whose rows and those of both factors are `stride` long:
-/// four rows and two registers of columns at a time stay in registers.
+/// Adds `left' right` to a square matrix of some rows and columns. All lines are `stride` long. Four
+/// rows and two registers of columns at a time stay in registers.
 #[inline(always)]
 fn add_products<R: Real<Scalar = f64>>(
     total: &mut [f64],
-    left: &[f64],
-    right: &[f64],
-    stride: usize,
+    [left, right]: [&[f64]; 2],
+    [count, stride]: [usize; 2],
 ) {
-    for column in (0..stride).step_by(2 * R::WIDTH) {
-        for row in (0..stride).step_by(ROWS) {
+    for column in (0..count).step_by(2 * R::WIDTH) {
+        for row in (0..count).step_by(ROWS) {
             let mut sums = [[R::zero(); 2]; ROWS];
             for i in 0..ROWS {
                 let own = &total[(row + i) * stride + column..];

@@ -91,7 +91,11 @@ impl<M: LobeEstimation> Search<'_, M> {
         let mut lanes = Lanes::<S, M, J, K, N> {
             photographs: self.photographs,
             samples: self.samples,
-            counts: self.level.run(Count { samples: self.samples, pixels: self.pixels }),
+            counts: if self.double {
+                Vec::new() // nobody asks
+            } else {
+                self.level.run(Count { samples: self.samples, pixels: self.pixels })
+            },
             x: self.x,
             y: self.y,
             barred: core::array::from_fn(|column| column == K - 1 && !self.ambient),
@@ -115,7 +119,8 @@ impl<M: LobeEstimation> Visit for Search<'_, M> {
     }
 }
 
-/// How many samples of some pixels, in rising order, have a weight above 0; 0 for others of the tile.
+/// How many samples of some pixels, in rising order, have a weight above 0; numbers of other pixels of
+/// the tile mean nothing.
 struct Count<'a> {
     samples: &'a TileSamples,
     pixels: &'a [usize],

@@ -151,7 +151,7 @@ mod tests {
     const LIGHTS: usize = 9;
     const PIXELS: usize = 60;
 
-    /// Lamps that are near and cameras that are, some of them, and none that counts for one pixel.
+    /// Some lamps and cameras are near; for one pixel no photograph counts.
     #[test]
     fn supported_lobes_reach_their_share_in_the_nearest_photograph() {
         let model = TorranceSparrow { index: 1.45 };

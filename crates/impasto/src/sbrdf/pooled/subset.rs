@@ -107,7 +107,7 @@ impl Subset {
     }
 }
 
-/// A kernel, for a product-sum outside of one is a call.
+/// A kernel although it uses no lanes: outside of one a fused multiply-add is a function call.
 struct DecodeRow<'a> {
     photographs: &'a Photographs<'a>,
     /// A photograph and band.
