@@ -221,10 +221,6 @@ def chosen_kind(
     def around(known: Stack) -> Relief | None:
         return None if before is None else Relief.of(before[1](known), 1, before[2])
 
-    @cache
-    def top(known: Stack) -> float:
-        return full_light(known)
-
     def fit(candidate: Candidate) -> Fit:
         options: dict[str, Any] = {**given, **candidate.options}
         tried = fit_kind(kinds[0].model, options.pop("pooling"))
@@ -240,6 +236,7 @@ def chosen_kind(
 
         return around_it
 
+    top = cache(full_light)
     kept = residuals is not False and not _core.views_differ(RigArguments.of(stack.rig))
     poolings = {kind.pooling for kind in kinds}
     candidates = [one for one in CANDIDATES if one.pooling in poolings]
