@@ -335,9 +335,11 @@ def test_a_lamp_of_which_most_samples_are_trimmed_has_no_equation() -> None:
     step, determined = adjustment._step(start, surfaces, [], "free", 1.0)
     assert np.flatnonzero(~determined).tolist() == [5, 9]
     np.testing.assert_array_equal(step[[5, 9]], 0.0)
-    logs = adjustment._medians(start, surfaces[0])
+    logs = adjustment._medians(start, surfaces[0], ~determined)
     # Three quarters of the samples are four times as bright, as is the median.
-    np.testing.assert_allclose(logs[[5, 9]], math.log(4.0), atol=0.05)
+    np.testing.assert_allclose(logs, math.log(4.0), atol=0.05)
+    every = adjustment._medians(start, surfaces[0], np.ones(len(stack.rig), np.bool_))
+    np.testing.assert_array_equal(logs, every[[5, 9]])
 
 
 def adjusting(stack: impasto.Stack) -> tuple[HeldOut, BundleAdjustment, RigNumbers]:

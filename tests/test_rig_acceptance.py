@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +13,7 @@ from impasto.fit import rig_refinement
 from impasto.fit.bundle_adjustment import Kind, RigNumbers
 from impasto.fit.held_out import Comparison, Errors
 from impasto.fit.rig_acceptance import Found, chosen, convincing, strengths_differ
+from impasto.fit.rig_search import Hypothesis
 
 LIGHTS, SAMPLES = 40, 400
 ROUNDED = 0.3
@@ -144,11 +145,12 @@ Trims = Callable[[bool, bool, str], float]
 """Trimmed error with a near camera or not, near lamps or not, on surfaces of a kind."""
 
 
-class Search(rig_refinement._Search):
+class Search(rig_refinement._Decision):
     """A search that finds every distance at once, with errors that are put in."""
 
-    def __init__(self, trims: Trims) -> None:
+    def __init__(self, trims: Trims, threads: int = 1) -> None:
         self._free, self._why = np.array([True, True]), ["", ""]
+        self._count, self._ahead = threads, threads > 1
         self._folds, self._trims = 2, trims
         self._given: Any = np.zeros(LIGHTS)
         self._test: Any = self.surfaces("plain")
@@ -159,15 +161,14 @@ class Search(rig_refinement._Search):
 
         return SimpleNamespace(surfaces=kind, otherwise=otherwise, rounded=ROUNDED)
 
-    def adjusted(
-        self, starts: Sequence[RigNumbers], free: np.ndarray, strengths: Kind
-    ) -> RigNumbers:
-        known = np.max([start.place for start in starts], axis=0)
-        return RigNumbers(np.where(free, known, 0.0), np.zeros(LIGHTS))
+    def adjusted(self, asked: Hypothesis) -> RigNumbers:
+        known = np.max([start.place for start in asked.starts], axis=0)
+        return RigNumbers(np.where(asked.free, known, 0.0), np.zeros(LIGHTS))
 
-    def errors(self, state: RigNumbers) -> Errors:
+    def errors(self, state: RigNumbers, test: Any = None) -> Errors:
         camera, lamps = (state.place > 0.0).tolist()
-        return found("given", self._trims(camera, lamps, self._test.surfaces)).errors
+        surfaces = (self._test if test is None else test).surfaces
+        return found("given", self._trims(camera, lamps, surfaces)).errors
 
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
         gain = self.gain(state, without)
@@ -175,8 +176,16 @@ class Search(rig_refinement._Search):
 
 
 def accepted(trims: Trims) -> tuple[bool, bool, str]:
-    """Whether camera and lamps are accepted as near, and on which surfaces."""
-    search = Search(trims)
+    """Whether camera and lamps are accepted as near, and on which surfaces.
+
+    On two threads other surfaces are tried before it is known whether that is asked for.
+    """
+    one, other = (_accepted(Search(trims, threads)) for threads in (1, 2))
+    assert one == other
+    return one
+
+
+def _accepted(search: Search) -> tuple[bool, bool, str]:
     state, free, _ = search._places(RigNumbers(np.array([0.5, 0.25]), np.zeros(LIGHTS)), "given")
     np.testing.assert_array_equal(state.place, np.where(free, [0.5, 0.25], 0.0))
     camera, lamps = free.tolist()
@@ -230,9 +239,9 @@ def test_strengths_are_accepted_against_even_ones_on_either_surface() -> None:
     def spread(trims: dict[tuple[bool, str], float]) -> tuple[float, str]:
         search = Search(lambda camera, lamps, surfaces: 0.0)
         search._strengths = True
-        search.errors = lambda state: (
+        search.errors = lambda state, test=None: (
             found(  # type: ignore[method-assign]
-                "given", trims[bool(state.log.any()), search._test.surfaces]
+                "given", trims[bool(state.log.any()), (test or search._test).surfaces]
             ).errors
         )
         uneven = RigNumbers(np.zeros(2), np.log(np.linspace(1.0, 2.0, LIGHTS)))
@@ -259,7 +268,7 @@ def test_the_last_steps_do_not_spread_strengths_without_limit(
 
     search = Search(lambda camera, lamps, surfaces: 0.0)
     search._stack = search._index = search._threads = None  # type: ignore[assignment]
-    monkeypatch.setattr(Search, "at", lambda self, state: state)
+    search.at = lambda state: state  # type: ignore[assignment]
     # From more pixels, errors are smaller the wider strengths spread.
     many: Any = SimpleNamespace(errors=lambda rig, folds: found("held", 1.0 / rig.spread).errors)
     monkeypatch.setattr(rig_refinement, "HeldOut", lambda *_, **__: many)

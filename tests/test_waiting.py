@@ -17,6 +17,7 @@ import pytest
 import impasto
 import impasto._internal.waiting as waiting
 from circumstances import capture
+from impasto._internal.calls import thread_count
 from impasto._internal.waiting import floats, wait_for, wait_for_each
 from processes import run as run_program
 from test_io_stack import save
@@ -288,3 +289,16 @@ def test_what_is_done_to_files_of_a_filter_wheel_is_waited_for(
     assert waited.count("read_region") == first
     assert waited.count("copyto") == 1
     assert waited.count("read_region_into") == count - first
+
+
+@pytest.mark.parametrize(
+    ("threads", "steps", "each"), [(1, 3, 1), (2, 3, 1), (4, 2, 2), (5, 2, 2), (8, 1, 8)]
+)
+def test_steps_side_by_side_share_the_threads(threads: int, steps: int, each: int) -> None:
+    def nested(_: int) -> list[int]:
+        return wait_for_each(lambda _: thread_count(threads), range(2), thread_count(threads))
+
+    assert wait_for_each(lambda _: thread_count(threads), range(steps), threads) == [each] * steps
+    # Those of two steps that are themselves taken side by side.
+    assert wait_for_each(nested, range(steps), threads) == [[max(each // 2, 1)] * 2] * steps
+    assert thread_count(threads) == threads

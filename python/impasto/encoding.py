@@ -136,4 +136,5 @@ class Encoding:
             value = _joined(value, light, codes)
         elif self.curve != "linear":
             value = value ** (1.0 / float(self.curve))
-        return np.asarray(value * self.white, dtype=np.float32)
+        value *= self.white
+        return np.asarray(value, dtype=np.float32)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from inspect import signature
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
@@ -18,6 +19,9 @@ At most about twenty times a second.
 """
 
 MOST_THREADS = 64
+
+_SHARED = ContextVar("_SHARED", default=1)
+"""How many steps share the threads of a call: they are taken side by side."""
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -48,7 +52,17 @@ def thread_count(threads: int | None) -> int:
     The argument, else ``IMPASTO_NUM_THREADS``, else ``RAYON_NUM_THREADS``, else every core that
     this process is allowed to run on. Results do not depend on it: a request for more than
     :data:`MOST_THREADS` on a smaller machine, which would only stand in its own way, gets those.
+    Steps that are taken side by side share them.
     """
+    return max(_thread_count(threads) // _SHARED.get(), 1)
+
+
+def share_threads(steps: int) -> None:
+    """In this context, so many steps side by side share the threads."""
+    _SHARED.set(_SHARED.get() * steps)
+
+
+def _thread_count(threads: int | None) -> int:
     if threads is not None:
         if not (is_whole(threads) and threads >= 1):
             raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")

@@ -18,6 +18,7 @@ from typing import Any, Generic, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.calls import share_threads
 from impasto._internal.pools import Pool
 from impasto._internal.threads import start
 
@@ -82,8 +83,9 @@ def wait_for_each(
 
     Unlike those of :func:`wait_for` the steps may call the numerics, which then do not hear of
     Ctrl-C: it is for steps as short as the fit of a small sample. After Ctrl-C, or an error of one
-    of them, those that have begun go on to their end, and no other begins. On one thread, or where
-    none can be started, the caller takes all steps.
+    of them, those that have begun go on to their end, and no other begins. The steps share the
+    threads (:func:`~impasto._internal.calls.thread_count`). On one thread, or where none can be
+    started, the caller takes all steps.
 
     Returns
     -------
@@ -92,9 +94,10 @@ def wait_for_each(
     """
     if threads < 2 or len(items) < 2:
         return [step(item) for item in items]
-    pool = Pool(min(threads, len(items)))
+    workers = min(threads, len(items))
+    pool = Pool(workers)
     try:
-        handed = [_handed(pool, step, item) for item in items]
+        handed = [_handed(pool, workers, step, item) for item in items]
         return [
             step(item) if one is None else one.awaited()
             for item, one in zip(items, handed, strict=True)
@@ -103,9 +106,12 @@ def wait_for_each(
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _handed(pool: Pool, step: Callable[[Item], Found], item: Item) -> _Handed[Found] | None:
+def _handed(
+    pool: Pool, workers: int, step: Callable[[Item], Found], item: Item
+) -> _Handed[Found] | None:
     """The step on one of the pool's threads; None where the system gives none."""
     context = contextvars.copy_context()  # numpy's error state among others
+    context.run(share_threads, workers)
     with suppress(MemoryError):
         return _Handed(pool, lambda: context.run(step, item))
     return None

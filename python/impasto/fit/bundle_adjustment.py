@@ -165,7 +165,7 @@ class BundleAdjustment:
                 log = log + (moved if mean is None else self._held(moved, log, surfaces[0], mean))
                 log = log - np.median(log[determined])
                 if not determined.all():
-                    log = np.where(determined, log, self._medians(state, surfaces[0]))
+                    log[~determined] = self._medians(state, surfaces[0], ~determined)
             after = RigNumbers(place, log)
             if after.meets(state, loose * _STILL, loose * _STILL_LOG):
                 break
@@ -193,12 +193,12 @@ class BundleAdjustment:
         surfaces, errors = zip(*both, strict=True)
         return list(surfaces), trimmed_mean(np.concatenate(errors))
 
-    def _medians(self, state: RigNumbers, found: Fitted) -> Array:
-        """Logarithms of strengths by median ratios; 0, as given, where a photograph is black."""
+    def _medians(self, state: RigNumbers, found: Fitted, lamps: NDArray[np.bool_]) -> Array:
+        """Logarithms of their strengths by median ratios; 0, as given, where one is black."""
         rig = self._test.lit(self._at(state)).rig
         shown = found.shown(rig, self._threads)
-        ratios = log_ratios(self._test.samples, shown.mean(axis=1), rig.intensities)
-        return np.where(np.isfinite(ratios), state.log + ratios, 0.0)
+        ratios = log_ratios(self._test.samples, shown.mean(axis=1), rig.intensities, lamps)
+        return np.where(np.isfinite(ratios), state.log[lamps] + ratios, 0.0)
 
     # --- one step
 
@@ -278,16 +278,23 @@ class BundleAdjustment:
         rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
         light = shown_by(surface, found.profile, rig, self._threads).astype(np.float64)
         coded = self._test.coded(light)
-        error = np.where(found.fine, self._test.truth - coded, np.nan)
-        size = np.abs(error)
+        by = _SLOPE * light
+        by += _DARK * self._test.white
+        light += by
+        slope = self._test.coded(light)
+        slope -= coded
+        slope /= by
+        error = np.subtract(self._test.truth, coded, out=coded)
+        error[..., ~found.fine] = np.nan
+        size = np.abs(error, out=by)
         known = np.isfinite(size)
         # Least trimmed squares: samples that the model does not describe do not count.
         judged = size[held][known[held]]
-        limit = np.quantile(judged, KEPT) if judged.size else -np.inf
-        used = known & (size <= limit)
-        by = _SLOPE * light + _DARK * self._test.white
-        slope = (self._test.coded(light + by) - coded) / by
-        return np.where(used, error, 0.0), np.where(used, slope, 0.0)
+        last = int(KEPT * (judged.size - 1)) if judged.size else 0
+        limit = np.partition(judged, last)[last] if judged.size else -np.inf
+        unused = ~(known & (size <= limit))
+        error[unused] = slope[unused] = 0.0
+        return error, slope
 
     def _equations(
         self,

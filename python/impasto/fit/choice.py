@@ -235,18 +235,26 @@ def choose(
     top = full_scale(one for fold in folds for one in fold.compared)
     tried: list[Candidate] = []
     each: list[Predicted] = []
-    waiting = list(candidates)
+
+    def judged(candidate: Candidate) -> Predicted:
+        # The model alone, and with the residuals that help most, if any do.
+        ways = predicted(fit(candidate), folds, top, threads)
+        return ways[0], max(ways, key=np.mean)
+
+    def judge(some: Sequence[Candidate]) -> None:
+        found = wait_for_each(judged, some, thread_count(threads))
+        each.extend(found)
+        tried.extend(
+            replace(one, decibels=float(shown.mean()))
+            for one, (_, shown) in zip(some, found, strict=True)
+        )
+
     with reporting(progress is True, "choice") as callback:
-        while waiting:
-            candidate = waiting.pop(0)
-            # The model alone, and with the residuals that help most, if any do.
-            ways = predicted(fit(candidate), folds, top, threads)
-            each.append((ways[0], max(ways, key=np.mean)))
-            tried.append(replace(candidate, decibels=float(each[-1][1].mean())))
-            if not waiting and open_varnish and len(tried) == len(candidates):
-                waiting += under_varnish(tried, each)
-            if callback is not None:
-                callback(len(tried), len(tried) + len(waiting))
+        judge(candidates)
+        more = under_varnish(tried, each) if open_varnish else []
+        if callback is not None:
+            callback(len(tried), len(tried) + len(more))
+        judge(more)
     return Choice(simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -37,6 +39,8 @@ SUITS = 0.02
 ROUNDED = 0.3
 """Trimmed means up to this many steps of the files, of 8 bits where samples are floats, are those
 of rounding, which alone gives 0.22: nothing lowers them for a reason."""
+RECENT = 8
+"""Rigs that are kept: each is asked for several times in a row, on each thread."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
 _LARGEST = 1e19
@@ -131,7 +135,6 @@ class HeldOut:
         effort: Preset = "draft",
     ) -> None:
         self.surfaces: Surfaces = surfaces
-        self._last: tuple[Rig, Stack] | None = None
         self._effort: Preset = effort
         self._others: tuple[Surfaces, Surfaces] = ("plain", "coated")
         pitch = 1.0 if stack.rig.pitch_mm is None else stack.rig.pitch_mm
@@ -160,13 +163,8 @@ class HeldOut:
         """``(obs, band, y, x)`` codes of 8 bits; not finite where clipped or unknown."""
         self.rounded = ROUNDED * self._step(linear)
         """Trimmed mean up to which errors are those of rounding."""
-
-    def lit(self, rig: Rig) -> Stack:
+        self.lit = _lighting(self._few, self._middle)
         """The sample under a rig of the whole painting."""
-        if self._last is None or self._last[0] is not rig:
-            local = Rig(rig.seen_from(*self._middle), pitch_mm=self._few.rig.pitch_mm)
-            self._last = rig, self._few._replace(rig=local)
-        return self._last[1]
 
     @property
     def coated(self) -> bool:
@@ -210,7 +208,6 @@ class HeldOut:
         behind it, and lamps as well.
         """
         other = copy(self)
-        other._last = None
         rotated = (..., slice(None, None, -1), slice(None, None, -1))
         few, mask = self._few, self._few.mask
         other._few = few._replace(
@@ -220,6 +217,7 @@ class HeldOut:
         other.samples, other.truth = self.samples[rotated], self.truth[rotated]
         x, y = self._middle
         other._middle = (-x - 2.0 * self._origin[0], -y - 2.0 * self._origin[1])
+        other.lit = _lighting(other._few, other._middle)
         return other
 
     def undetermined(self, rig: Rig, folds: int) -> str | None:
@@ -299,20 +297,42 @@ class HeldOut:
         Clipped there, a strong lamp would tell nothing, and what is shown too bright be right.
         Light that overflows is a very large error, not an unknown one.
         """
+        # In place and converted block by block: for new arrays the system clears as much memory.
+        light = np.empty(np.shape(linear), np.float32)
         with np.errstate(over="ignore"):  # of samples near the largest float
-            light = np.asarray(linear / self.white, np.float32)
+            np.divide(linear, self.white, out=light, casting="same_kind")
             codes = self._curve.encode(light, clip=False)
-        eight_bits = np.asarray(codes, dtype=np.float64) * (CODES / self._curve.white)
-        return np.minimum(eight_bits, _LARGEST)
+        eight_bits = np.multiply(codes, CODES / self._curve.white, dtype=np.float64)
+        return np.minimum(eight_bits, _LARGEST, out=eight_bits)
+
+
+def _lighting(few: Stack, middle: tuple[float, float]) -> Callable[[Rig], Stack]:
+    """What puts a sample, whose middle lies there, under a rig; the last ones are kept."""
+
+    @lru_cache(maxsize=RECENT)
+    def lit(rig: Rig) -> Stack:
+        local = Rig(rig.seen_from(*middle), pitch_mm=few.rig.pitch_mm)
+        return few._replace(rig=local)
+
+    return lit
 
 
 def log_ratios(
-    samples: NDArray[Any], expected: NDArray[Any], intensities: NDArray[np.float64]
+    samples: NDArray[Any],
+    expected: NDArray[Any],
+    intensities: NDArray[np.float64],
+    wanted: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float64]:
-    """``(obs,)`` median logarithm of sample / expected sample; NaN where no pixel determines it."""
+    """``(obs,)`` median logarithm of sample / expected sample; NaN where no pixel determines it.
+
+    ``wanted`` ``(obs,)``: of these photographs alone; default: of all.
+    """
     even = expected / intensities.reshape(-1, *[1] * (expected.ndim - 1))
+    bright = DIM * even.mean(axis=0)
+    if wanted is not None:
+        samples, expected, even = samples[wanted], expected[wanted], even[wanted]
     with np.errstate(divide="ignore", invalid="ignore"):
-        usable = np.isfinite(samples) & (samples > 0.0) & (even > DIM * even.mean(axis=0))
+        usable = np.isfinite(samples) & (samples > 0.0) & (even > bright)
         log = np.where(usable, np.log(samples / expected), np.nan)
     rows = np.sort(log.reshape(len(log), -1), axis=1)  # NaN are last
     count = np.count_nonzero(~np.isnan(rows), axis=1)

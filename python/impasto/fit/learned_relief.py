@@ -248,7 +248,10 @@ def reduced(stack: Stack, cells: int, *, threads: int | None) -> Reduced:
         if inside is not None:
             linear[:, ~inside] = np.nan
         mean = blocks(linear, side)
-        clipped = blocks(np.where(np.isnan(linear), np.nan, np.isinf(linear)), side)
+        infinite = np.isinf(linear)
+        if not infinite.any():
+            return mean, mean
+        clipped = blocks(np.where(np.isnan(linear), np.nan, infinite), side)
         return mean, np.where((clipped > 0.0) & (clipped < 1.0), np.float32(np.nan), mean)
 
     both = wait_for_each(shrunk, range(len(stack.rig)), thread_count(threads))

@@ -8,19 +8,19 @@ of the fit say which of them to keep (backward elimination).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.calls import ProgressCallback, reporting
-from impasto._internal.checks import LEAST, MOST, refractive_index, truth
+from impasto._internal.checks import refractive_index, truth
+from impasto._internal.waiting import wait_for_each
 from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.coordinate_search import coordinate_search
-from impasto.fit.held_out import Comparison, Errors, HeldOut, Surfaces
+from impasto.fit.held_out import Comparison, HeldOut
 from impasto.fit.rig_acceptance import (
     COARSE,
     FALL,
@@ -28,27 +28,17 @@ from impasto.fit.rig_acceptance import (
     Found,
     chosen,
     convincing,
-    strengths_differ,
     suited,
 )
+from impasto.fit.rig_search import NEAREST, NODES, Hypothesis, RigSearch
 from impasto.refinement import Estimate, RigRefinement
-from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp, seen_from_front
+from impasto.rig import Rig, seen_from_front
 from impasto.stack import Stack, checked_stack
 
-_PIXELS = 576
-"""The sample: pixels spread evenly, each with its own directions."""
 _MANY_PIXELS = 2304
 """The sample of the last adjustment, whose noise stays in the rig."""
-_FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
-"""Half of the photographs are held out at a time; of fewer than 24, a quarter."""
-_NODES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-"""Inverse distances of camera and lamps at which the search starts, per half of the longer side."""
-_NEAREST = 1.0
-"""The largest inverse distance: what reaches it is not accepted."""
 _FAR = 0.02
 """An inverse distance below this counts as 0: directions differ by a degree."""
-_DISTANT = 1e-6
-"""An inverse distance below this is none in single precision."""
 _SPREAD = 8.0
 """Strengths that differ by more are not accepted: domes have factors of 2 to 5. On metal, which
 shows most lamps as black, wrong ones of 10 and more predict better by chance."""
@@ -155,7 +145,7 @@ def refine_rig(
             f"stack: a rig needs at least {_FEWEST_LIGHTS} photographs to be refined, "
             f"found {len(stack.rig)}"
         )
-    search = _Search(stack, camera, lamps, strengths, falloff, index, threads)
+    search = _Decision(stack, camera, lamps, strengths, falloff, index, threads)
     with reporting(progress, "rig") as report:
         search.report = report
         rig = search.rig()
@@ -208,168 +198,14 @@ def refined(
         return stack  # no pixel can be fitted, as the statuses of the fit will say
 
 
-class _Search:
-    """The search of one rig."""
+class _Decision(RigSearch):
+    """What of a rig is accepted."""
 
-    def __init__(
-        self,
-        stack: Stack,
-        camera: bool,
-        lamps: bool,
-        strengths: bool,
-        falloff: bool,
-        index: float,
-        threads: int | None,
-    ) -> None:
-        rig = stack.rig
-        height, width = stack.shape[2:]
-        pitch = 1.0 if rig.pitch_mm is None else rig.pitch_mm
-        self._given, self._in_mm = Rig(rig, pitch_mm=pitch), rig.known_pitch_mm is not None
-        self._stack, self._index, self._threads = stack, index, threads
-        self._half = 0.5 * pitch * max(height, width)
-        self._falloff, self._strengths = falloff, strengths
-        one_view = bool((rig.views == rig.views[0]).all()) and not rig.near_views.any()
-        self._free = np.array([camera and one_view, lamps and not rig.near.any()])
-        self._why = [
-            "not requested" if not camera else "given as near or with views that differ",
-            "not requested" if not lamps else "given as near",
-        ]
-        self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
-        self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
-        self._known: dict[tuple[Surfaces, bytes, bytes], Errors] = {}
-        self._last: tuple[RigNumbers, Rig] | None = None
-        self.report: Callable[[int, int], object] | None = None
-        self._done = 0
-
-    # --- one candidate
-
-    def at(self, state: RigNumbers) -> Rig:
-        """The rig of some numbers, for the whole painting."""
-        if self._last is None or self._last[0] is not state:
-            self._last = state, self._rig(state)
-        return self._last[1]
-
-    def _rig(self, state: RigNumbers) -> Rig:
-        u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
-        lights: list[Light] = []
-        # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
-        strengths = np.clip(self._given.intensities * np.exp(state.log), LEAST, MOST).tolist()
-        for light, strength in zip(self._given.lights, strengths, strict=True):
-            if isinstance(light, DistantLight) and w > 0.0:
-                position = self._half / w * np.array(light.direction)
-                lights.append(near_lamp(position, strength, self._falloff, light.radius))
-            else:
-                lights.append(replace(light, intensity=strength))
-        views: Views = self._given.viewpoints
-        if u > 0.0:
-            x, y, z = (self._half / u * self._given.views[0]).tolist()
-            views = PointView((x, y, z))
-        place: dict[str, Any] = {"pitch_mm": self._given.pitch_mm, "origin": self._given.origin}
-        return Rig(lights, views=views, **place)
-
-    def errors(self, state: RigNumbers) -> Errors:
-        """Errors of photographs held out."""
-        key = (self._test.surfaces, state.place.tobytes(), state.log.tobytes())
-        if key not in self._known:
-            self._known[key] = self._test.errors(self.at(state), self._folds)
-            self._tick()
-        return self._known[key]
-
-    def gain(self, state: RigNumbers, before: RigNumbers) -> Comparison:
-        """Of one candidate against another."""
-        return self.errors(state).than(self.errors(before))
-
-    def even(self, u: float = 0.0, w: float = 0.0) -> RigNumbers:
-        """Inverse distances of camera and lamps, with the strengths as given."""
-        return RigNumbers(np.array([u, w]), np.zeros(len(self._given)))
-
-    def finish(self) -> None:
-        """Report that all is done."""
-        if self.report is not None:
-            self.report(self._done, self._done)
-
-    def _tick(self) -> None:
-        self._done += 1
-        if self.report is not None:
-            # The number of candidates is not known: the bar approaches its end.
-            self.report(self._done, self._done + 2 * len(_NODES) ** 2)
-
-    # --- parts of the search
-
-    def adjusted(
+    def _hypothesis(
         self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
-    ) -> RigNumbers:
-        """The numbers under one hypothesis that predict best, of those found from some starts."""
-        adjustment = BundleAdjustment(self._test, self.at, self._given.directions, self._threads)
-        distinct: dict[bytes, RigNumbers] = {}
-        for one in starts:
-            log = np.zeros_like(one.log) if strengths == "given" else one.log
-            start = RigNumbers(np.where(free, one.place, 0.0), log)
-            distinct.setdefault(start.place.tobytes() + log.tobytes(), start)
-        found: list[RigNumbers] = []
-        for start in distinct.values():
-            found.append(
-                adjustment.solve(start, free, strengths, nearest=_NEAREST, known=tuple(found))
-            )
-            self._tick()
-        return min(found, key=lambda state: self.errors(state).trim)
-
-    def placed(self) -> RigNumbers:
-        """The best distances with the strengths as given."""
-        axes = (_NODES if free else _NODES[:1] for free in self._free)
-        u, w = (axis.tolist() for axis in axes)
-        nodes = [self.even(one, other) for one in u for other in w]
-        best = min(nodes, key=lambda state: self.errors(state).trim)
-        near = self.adjusted([best], self._free, "given")
-        return min(best, near, key=lambda state: self.errors(state).trim)
-
-    def found(
-        self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
-    ) -> Found:
-        """The same with the surfaces of the search."""
-        return self._with(self.adjusted(starts, free, strengths), strengths)
-
-    def otherwise(
-        self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
-    ) -> Found:
-        """The same with surfaces of the other kind."""
-        own, self._test = self._test, self._test.otherwise()
-        found = self.found(starts, free, strengths)
-        self._test = own
-        return found
-
-    def _with(self, state: RigNumbers, strengths: Kind) -> Found:
-        return Found(state, strengths, self._test, self.errors(state))
-
-    def explained(self, start: RigNumbers | None = None) -> list[Found]:
-        """The best numbers with strengths as given, and with uneven ones where these differ."""
-        if start is None:
-            even = self._with(self.placed(), "given")
-        else:
-            even = self.found([start], self._free, "given")
-        if not self._strengths:
-            return [even]
-        starts = [even.state, self.even()] if start is None else [start]
-        uneven = self.found(starts, self._free, "free")
-        if not strengths_differ(uneven.errors.than(even.errors), self._test.rounded):
-            return [even]
-        return [even, self.found(starts, self._free, "held"), uneven]
-
-    def searched(self) -> Found:
-        """The best numbers, with surfaces that suit them: under a varnish or not.
-
-        Strengths can stand for what a varnish keeps back, and distances for both. Uneven strengths
-        must therefore predict better than even ones with either kind of surface.
-        """
-        first = self._test
-        found = self.explained()
-        start = chosen(found, self._test.rounded).state
-        self._test = first.otherwise()
-        # Where lobes of the wrong shape lead may be far from the rig that the right ones show.
-        found += self.explained(None if self._test.surfaces == "shaped" else start)
-        return chosen(found, self._test.rounded)
-
-    # --- the decision
+    ) -> Hypothesis:
+        """A hypothesis with the surfaces at hand."""
+        return Hypothesis(tuple(starts), free, strengths, self._test)
 
     def rig(self) -> Rig:
         """The refined rig."""
@@ -402,7 +238,7 @@ class _Search:
         dropped = kind != "given" and left.kind == "given"
         self._test, state, kind = left.test, left.state, left.kind
         if dropped:  # what was accepted beside strengths may mean nothing without them
-            best = self.adjusted([state, nothing], self._free, kind)
+            best = self.adjusted(self._hypothesis([state, nothing], self._free, kind))
             state, free, reasons = self._places(best, kind)
         state, free = self._final(state, accepted := free, kind)
         for axis in np.flatnonzero(accepted & ~free).tolist():
@@ -435,7 +271,9 @@ class _Search:
         if self._free.all() and not free[1]:
             # A camera was judged beside near lamps, which may have given it its sense or taken it.
             alone, nothing = np.array([True, False]), np.zeros(2, np.bool_)
-            near = state if free[0] else self.adjusted([state, first], alone, kind)
+            near = state
+            if not free[0]:
+                near = self.adjusted(self._hypothesis([state, first], alone, kind))
             free[0], reasons[0], without = self._compared(0, near, nothing, kind)
             if free[0]:
                 state = near
@@ -447,23 +285,32 @@ class _Search:
         self, axis: int, state: RigNumbers, others: NDArray[np.bool_], kind: Kind
     ) -> tuple[bool, str, Found]:
         """Whether a distance is accepted beside ``others``, why, and the best without it."""
-        starts = [state, self.even()]
-        without = self.found(starts, others, kind)
+        asked = self._hypothesis([state, self.even()], others, kind)
+        # Surfaces of the other kind may make up for the distance.
+        otherwise = replace(asked, test=asked.test.otherwise())
+        ahead = self._ahead and self._shows(axis, state)[0]
+        without, *other = self.all_found([asked, otherwise] if ahead else [asked])
         accepted, why = self._judge(axis, state, without.state)
         if accepted:
-            # Surfaces of the other kind may make up for the distance.
-            other = self.otherwise(starts, others, kind)
-            gain = self.errors(state).than(other.errors)
+            rival = other[0] if other else self.found(otherwise)
+            gain = self.errors(state).than(rival.errors)
             if not convincing(gain):
-                return False, f"no better: {gain}", other
+                return False, f"no better: {gain}", rival
         return accepted, why, without
+
+    def _shows(self, axis: int, state: RigNumbers) -> tuple[bool, str]:
+        """Whether a distance is one that may be accepted, and why not."""
+        if state.place[axis] < _FAR:
+            return False, _NONE
+        if state.place[axis] >= NEAREST:
+            return False, f"it would be nearer than {1.0 / NEAREST:g} half-sides"
+        return True, ""
 
     def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
         """Whether a distance is accepted against the best rig without it, and why."""
-        if state.place[axis] < _FAR:
-            return False, _NONE
-        if state.place[axis] >= _NEAREST:
-            return False, f"it would be nearer than {1.0 / _NEAREST:g} half-sides"
+        shown, why = self._shows(axis, state)
+        if not shown:
+            return False, why
         gain = self.gain(state, without)
         if not convincing(gain):
             return False, f"no better: {gain}"
@@ -478,9 +325,10 @@ class _Search:
         if axis == 0 and rounded and gain.fall < MUCH:
             return False, f"errors of {gain.trim_before:.2f} codes are too small to show one"
         rotated, nowhere = self._test.rotated(), replace(state, place=np.zeros(2))
-        mirrored = rotated.errors(self.at(state), self._folds).than(
-            rotated.errors(self.at(nowhere), self._folds)
+        near, far = wait_for_each(
+            lambda one: rotated.errors(self.at(one), self._folds), [state, nowhere], self._count
         )
+        mirrored = near.than(far)
         if mirrored.fall > _MIRRORED * self.gain(state, nowhere).fall:
             return False, f"the opposite sign does as well: {mirrored}"
         return True, str(gain)
@@ -488,14 +336,14 @@ class _Search:
     def _agree(self, state: RigNumbers, axis: int) -> bool:
         """Whether the best distance of each fold, along one axis, is next to that of both."""
         places = []
-        for node in [*_NODES, state.place[axis]]:
+        for node in [*NODES, state.place[axis]]:
             place = state.place.copy()
             place[axis] = node
             places.append(place)
-        found = [self.errors(replace(state, place=place)) for place in places]
+        found = self.each([replace(state, place=place) for place in places], self._test)
         for fold in range(self._folds):
             alone = places[int(np.argmin([one.fold(fold, self._folds) for one in found]))]
-            if abs(alone[axis] - state.place[axis]) > _NODES[1]:
+            if abs(alone[axis] - state.place[axis]) > NODES[1]:
                 return False
         return True
 
@@ -503,17 +351,20 @@ class _Search:
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
     ) -> tuple[Estimate, Found]:
         """Whether strengths are accepted beside the distances that are left, and what follows."""
-        uneven = self._with(state, kind)
+        test = self._test
+        uneven = self._with(state, kind, test)
         if not self._strengths:
             return Estimate(1.0, False, "not estimated"), uneven
-        starts = [state, self.even()]
-        even = self.found(starts, free, "given")
+        asked = self._hypothesis([state, self.even()], free, "given")
         if kind == "given":
-            trial = self.adjusted([even.state], free, "held")
+            even = self.found(asked)
+            trial = self.adjusted(self._hypothesis([even.state], free, "held"))
             return Estimate(trial.spread, False, str(self.gain(trial, even.state))), even
-        rivals = [even, self.otherwise(starts, free, "given"), uneven]
+        every = [replace(asked, test=one) for one in (test, test.otherwise())]
         if kind == "free":
-            rivals += [way(starts, free, "held") for way in (self.found, self.otherwise)]
+            every += [replace(one, strengths="held") for one in every]
+        even, other, *held = self.all_found(every)
+        rivals = [even, other, uneven, *held]
         left = chosen(rivals, self._test.rounded)
         even = min(rivals[:2], key=suited(even))
         if left.kind == "given":
@@ -539,7 +390,7 @@ class _Search:
             effort="standard",
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
-        found = adjustment.solve(state, free, kind, nearest=_NEAREST, folds=self._folds)
+        found = adjustment.solve(state, free, kind, nearest=NEAREST, folds=self._folds)
 
         def trim(place: NDArray[np.float64]) -> float:
             return many.errors(self.at(replace(found, place=place)), self._folds).trim
@@ -553,7 +404,7 @@ class _Search:
                 found.place,
                 np.where(free, _LAST, 0.0),
                 low=np.zeros(2),
-                high=np.full(2, _NEAREST),
+                high=np.full(2, NEAREST),
             )
             found = replace(found, place=place)
         else:
@@ -564,7 +415,9 @@ class _Search:
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""
         rigs, folds = (self.at(state), self._given), self._folds + 1
-        after, before = (self._test.errors(rig, folds, 2) for rig in rigs)
+        after, before = wait_for_each(
+            lambda rig: self._test.errors(rig, folds, 2), rigs, self._count
+        )
         return after.than(before)
 
     def _untouched(self, why: str) -> Rig:

@@ -1,0 +1,221 @@
+"""The search for the numbers of a rig: hypotheses, each from some starts, side by side.
+
+A hypothesis says which numbers are free and what surfaces are like; bundle adjustment finds the
+numbers under it, and photographs held out say which hypothesis is best. On several threads those
+that may be asked for later are tried beside those that are asked for: the rig is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import Lock, get_ident
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impasto._internal.calls import thread_count
+from impasto._internal.checks import LEAST, MOST
+from impasto._internal.waiting import wait_for_each
+from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
+from impasto.fit.held_out import RECENT, Comparison, Errors, HeldOut, Surfaces
+from impasto.fit.rig_acceptance import Found, chosen, strengths_differ
+from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp
+from impasto.stack import Stack
+
+_PIXELS = 576
+"""The sample: pixels spread evenly, each with its own directions."""
+_FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
+"""Half of the photographs are held out at a time; of fewer than 24, a quarter."""
+NODES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+"""Inverse distances of camera and lamps at which the search starts, per half of the longer side."""
+NEAREST = 1.0
+"""The largest inverse distance: what reaches it is not accepted."""
+_DISTANT = 1e-6
+"""An inverse distance below this is none in single precision."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A hypothesis about a rig: what is free, the surfaces, and where the search starts."""
+
+    starts: tuple[RigNumbers, ...]
+    free: NDArray[np.bool_]
+    strengths: Kind
+    test: HeldOut
+
+
+class RigSearch:
+    """The search of one rig.
+
+    Parameters
+    ----------
+    stack, camera, lamps, strengths, falloff, index, threads
+        As in :func:`impasto.refine_rig`.
+    """
+
+    def __init__(
+        self,
+        stack: Stack,
+        camera: bool,
+        lamps: bool,
+        strengths: bool,
+        falloff: bool,
+        index: float,
+        threads: int | None,
+    ) -> None:
+        rig = stack.rig
+        height, width = stack.shape[2:]
+        pitch = 1.0 if rig.pitch_mm is None else rig.pitch_mm
+        self._given, self._in_mm = Rig(rig, pitch_mm=pitch), rig.known_pitch_mm is not None
+        self._stack, self._index, self._threads = stack, index, threads
+        self._half = 0.5 * pitch * max(height, width)
+        self._falloff, self._strengths = falloff, strengths
+        one_view = bool((rig.views == rig.views[0]).all()) and not rig.near_views.any()
+        self._free = np.array([camera and one_view, lamps and not rig.near.any()])
+        self._why = [
+            "not requested" if not camera else "given as near or with views that differ",
+            "not requested" if not lamps else "given as near",
+        ]
+        self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
+        self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
+        self._known: dict[tuple[Surfaces, bytes, bytes], Errors] = {}
+        self.at = lru_cache(maxsize=RECENT)(self._rig)
+        """The rig of some numbers, for the whole painting."""
+        self.report: Callable[[int, int], object] | None = None
+        self._done, self._caller = 0, get_ident()
+        self._counting = Lock()
+        self._count = thread_count(threads)
+        self._ahead = self._count > 1
+        """Whether what may be asked for later is tried beside what is asked for."""
+
+    # --- one candidate
+
+    def _rig(self, state: RigNumbers) -> Rig:
+        u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
+        lights: list[Light] = []
+        # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
+        strengths = np.clip(self._given.intensities * np.exp(state.log), LEAST, MOST).tolist()
+        for light, strength in zip(self._given.lights, strengths, strict=True):
+            if isinstance(light, DistantLight) and w > 0.0:
+                position = self._half / w * np.array(light.direction)
+                lights.append(near_lamp(position, strength, self._falloff, light.radius))
+            else:
+                lights.append(replace(light, intensity=strength))
+        views: Views = self._given.viewpoints
+        if u > 0.0:
+            x, y, z = (self._half / u * self._given.views[0]).tolist()
+            views = PointView((x, y, z))
+        place: dict[str, Any] = {"pitch_mm": self._given.pitch_mm, "origin": self._given.origin}
+        return Rig(lights, views=views, **place)
+
+    def errors(self, state: RigNumbers, test: HeldOut | None = None) -> Errors:
+        """Errors of photographs held out; ``test``: with other surfaces than those at hand."""
+        test = self._test if test is None else test
+        key = (test.surfaces, state.place.tobytes(), state.log.tobytes())
+        if key not in self._known:
+            self._known[key] = test.errors(self.at(state), self._folds)
+            self._tick()
+        return self._known[key]
+
+    def each(self, states: Sequence[RigNumbers], test: HeldOut) -> list[Errors]:
+        """The same of many, on all threads."""
+        return wait_for_each(lambda state: self.errors(state, test), states, self._count)
+
+    def gain(self, state: RigNumbers, before: RigNumbers) -> Comparison:
+        """Of one candidate against another."""
+        return self.errors(state).than(self.errors(before))
+
+    def even(self, u: float = 0.0, w: float = 0.0) -> RigNumbers:
+        """Inverse distances of camera and lamps, with the strengths as given."""
+        return RigNumbers(np.array([u, w]), np.zeros(len(self._given)))
+
+    def finish(self) -> None:
+        """Report that all is done."""
+        if self.report is not None:
+            self.report(self._done, self._done)
+
+    def _tick(self) -> None:
+        with self._counting:
+            self._done += 1
+        # Callables are called where the caller expects it.
+        if self.report is not None and get_ident() == self._caller:
+            # The number of candidates is not known: the bar approaches its end.
+            self.report(self._done, self._done + 2 * len(NODES) ** 2)
+
+    # --- parts of the search
+
+    def adjusted(self, asked: Hypothesis) -> RigNumbers:
+        """The numbers under one hypothesis that predict best, of those found from its starts."""
+        test = asked.test
+        adjustment = BundleAdjustment(test, self.at, self._given.directions, self._threads)
+        distinct: dict[bytes, RigNumbers] = {}
+        for one in asked.starts:
+            log = np.zeros_like(one.log) if asked.strengths == "given" else one.log
+            start = RigNumbers(np.where(asked.free, one.place, 0.0), log)
+            distinct.setdefault(start.place.tobytes() + log.tobytes(), start)
+        found: list[RigNumbers] = []
+        for start in distinct.values():
+            known = tuple(found)
+            found.append(
+                adjustment.solve(start, asked.free, asked.strengths, nearest=NEAREST, known=known)
+            )
+            self._tick()
+        return min(found, key=lambda state: self.errors(state, test).trim)
+
+    def found(self, asked: Hypothesis) -> Found:
+        """The best numbers under one hypothesis."""
+        return self._with(self.adjusted(asked), asked.strengths, asked.test)
+
+    def all_found(self, asked: Sequence[Hypothesis]) -> list[Found]:
+        """The same of several, on all threads."""
+        return wait_for_each(self.found, asked, self._count)
+
+    def _with(self, state: RigNumbers, strengths: Kind, test: HeldOut) -> Found:
+        return Found(state, strengths, test, self.errors(state, test))
+
+    def placed(self, test: HeldOut) -> RigNumbers:
+        """The best distances with the strengths as given."""
+        axes = (NODES if free else NODES[:1] for free in self._free)
+        u, w = (axis.tolist() for axis in axes)
+        nodes = [self.even(one, other) for one in u for other in w]
+        trims = [errors.trim for errors in self.each(nodes, test)]
+        best = nodes[int(np.argmin(trims))]
+        near = self.adjusted(Hypothesis((best,), self._free, "given", test))
+        return min(best, near, key=lambda state: self.errors(state, test).trim)
+
+    def explained(self, test: HeldOut, start: RigNumbers | None = None) -> list[Found]:
+        """The best numbers with strengths as given, and with uneven ones where these differ."""
+        kinds: list[Kind] = []
+        if self._strengths:
+            kinds = ["free", "held"] if self._ahead else ["free"]
+        if start is None:
+            even = self._with(self.placed(test), "given", test)
+            starts: tuple[RigNumbers, ...] = (even.state, self.even())
+            found = [even]
+        else:
+            starts, found = (start,), []
+            kinds.insert(0, "given")
+        asked = {kind: Hypothesis(starts, self._free, kind, test) for kind in (*kinds, "held")}
+        found += self.all_found([asked[kind] for kind in kinds])
+        if not self._strengths:
+            return found
+        even, free, *held = found
+        if not strengths_differ(free.errors.than(even.errors), test.rounded):
+            return [even]
+        return [even, *(held or [self.found(asked["held"])]), free]
+
+    def searched(self) -> Found:
+        """The best numbers, with surfaces that suit them: under a varnish or not.
+
+        Strengths can stand for what a varnish keeps back, and distances for both. Uneven strengths
+        must therefore predict better than even ones with either kind of surface.
+        """
+        first, other = self._test, self._test.otherwise()
+        found = self.explained(first)
+        start = chosen(found, first.rounded).state
+        # Where lobes of the wrong shape lead may be far from the rig that the right ones show.
+        found += self.explained(other, None if other.surfaces == "shaped" else start)
+        return chosen(found, first.rounded)
