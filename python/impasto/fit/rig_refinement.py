@@ -146,10 +146,13 @@ def refine_rig(
             f"found {len(stack.rig)}"
         )
     search = _Decision(stack, camera, lamps, strengths, falloff, index, threads)
-    with reporting(progress, "rig") as report:
-        search.report = report
-        rig = search.rig()
-        search.finish()
+    try:
+        with reporting(progress, "rig") as report:
+            search.report = report
+            rig = search.rig()
+            search.finish()
+    finally:
+        search.left = True
     return rig
 
 

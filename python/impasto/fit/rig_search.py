@@ -8,6 +8,7 @@ that may be asked for later are tried beside those that are asked for: the rig i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import Lock, get_ident
@@ -82,8 +83,9 @@ class RigSearch:
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
         self._known: dict[tuple[Surfaces, bytes, bytes], Errors] = {}
-        self.at = lru_cache(maxsize=RECENT)(self._rig)
-        """The rig of some numbers, for the whole painting."""
+        self._recent = lru_cache(maxsize=RECENT)(self._rig)
+        self.left = False
+        """Whether the caller has left: what is still tried ends at its next rig."""
         self.report: Callable[[int, int], object] | None = None
         self._done, self._caller = 0, get_ident()
         self._counting = Lock()
@@ -92,6 +94,12 @@ class RigSearch:
         """Whether what may be asked for later is tried beside what is asked for."""
 
     # --- one candidate
+
+    def at(self, state: RigNumbers) -> Rig:
+        """The rig of some numbers, for the whole painting."""
+        if self.left:
+            raise CancelledError
+        return self._recent(state)
 
     def _rig(self, state: RigNumbers) -> Rig:
         u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
