@@ -261,14 +261,14 @@ impl Grid {
     /// Writes the coordinates in mm of the pixels from `start` on, counted row by row.
     #[inline]
     pub fn coordinates(&self, start: usize, x: &mut [f32], y: &mut [f32]) {
-        let (mut row, mut column) = (start / self.width, start % self.width);
-        for (x, y) in x.iter_mut().zip(y) {
-            *x = self.x(column as f64) as f32;
-            *y = self.y(row as f64) as f32;
-            column += 1;
-            if column == self.width {
-                (row, column) = (row + 1, 0);
+        let (mut row, mut column, mut at) = (start / self.width, start % self.width, 0);
+        while at < x.len() {
+            let end = x.len().min(at + self.width - column);
+            y[at..end].fill(self.y(row as f64) as f32);
+            for (x, column) in x[at..end].iter_mut().zip(column as u32..) {
+                *x = self.x(f64::from(column)) as f32;
             }
+            (row, column, at) = (row + 1, 0, end);
         }
     }
 }

@@ -381,7 +381,9 @@ def _built(
     grid: Floats, rank: int | None, integration: Integration,
 ) -> _Built:  # fmt: skip
     operator = np.ascontiguousarray(camera.operator(grid, integration=integration))
-    known = np.ascontiguousarray(spectra.at(grid))
+    known, digest = TRAINING.get(
+        (spectra, spectra.wavelengths.tobytes(), grid.tobytes()), lambda: _on_grid(spectra, grid)
+    )
     terms = None if rank is None else int(rank)
     info = {
         "estimator": estimator,
@@ -392,9 +394,14 @@ def _built(
         "integration": integration,
         "bands": list(camera.bands),
     }
-    digest = blake2b(known.tobytes(), digest_size=32).digest()
     key = (json.dumps(info), terms, operator.shape, operator.tobytes(), grid.tobytes(), digest)
     return RECENT.get(key, lambda: _newly_built(operator, known, grid, terms, info))
+
+
+def _on_grid(spectra: Training, grid: Floats) -> tuple[Floats, bytes]:
+    """Training spectra on the wavelengths of the estimate, and their digest."""
+    known = np.ascontiguousarray(spectra.at(grid))
+    return known, blake2b(known.tobytes(), digest_size=32).digest()
 
 
 def _newly_built(
@@ -412,6 +419,8 @@ def _newly_built(
     return replace(found, spread=_spread(found, known, known @ operator.T))
 
 
+TRAINING: Recent[tuple[Floats, bytes]] = Recent(8)
+"""By the set and the wavelengths: the spectra of a set cannot be written to."""
 RECENT: Recent[_Built] = Recent(8)
 """To build a linear estimator takes as long as to apply it to a megapixel, and a painting that is
 estimated part by part asks for the same one every time."""

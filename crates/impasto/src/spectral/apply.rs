@@ -96,6 +96,7 @@ impl Kernel for TileKernel<'_, '_> {
         let Self { estimator, responses, pixels, status, mut tile, operators } = self;
         let (bands, operator) = (estimator.bands(), estimator.operator());
         let (width, yes) = (I::F32::WIDTH, <I::F32 as Real>::Mask::splat(true));
+        let hides = operator.hides();
         // Registers beyond the last pixel are left as they were: neither stored nor judged.
         let mut panel = Panel::<I::F32>::of(operator);
         let count = tile.status.len();
@@ -109,8 +110,10 @@ impl Kernel for TileKernel<'_, '_> {
                 let rho = &mut panel.rho[band * PANEL..][..PANEL];
                 prefetch(&plane[next.clone()]);
                 load(&plane[here.clone()], rho);
-                for register in 0..PANEL {
-                    sound[register] = sound[register] & rho[register].is_finite();
+                if hides {
+                    for register in 0..PANEL {
+                        sound[register] = sound[register] & rho[register].is_finite();
+                    }
                 }
             }
             operator.estimate(&mut panel);

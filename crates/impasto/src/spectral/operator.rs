@@ -6,15 +6,19 @@ use super::features::Features;
 use crate::error::{Error, Result};
 use crate::math::Real;
 
-/// Rows of the coefficient matrix that go through the features together, for two lane-fulls of
-/// pixels: eight accumulators hide the latency of the multiply-add, each feature is loaded once for
-/// four rows and each coefficient once for two lane-fulls.
-const ROWS: usize = 4;
+/// Rows of the coefficient matrix that go through the features together, for [`ACROSS`] lane-fulls of
+/// pixels: twelve accumulators hide the latency of the multiply-add, each feature is loaded once for
+/// three rows and each coefficient once for four lane-fulls. Three and six bands have three and six
+/// coefficients.
+const ROWS: usize = 3;
+
+/// Lane-fulls of pixels that go through the features together.
+const ACROSS: usize = 4;
 
 /// Lane-fulls of pixels that are estimated together: what is found out once for all of them (which
 /// features, which planes, whether all is sound) takes longer than to estimate one.
 pub(super) const PANEL: usize = 16;
-const _: () = assert!(PANEL.is_multiple_of(2), "lane-fulls are estimated two by two");
+const _: () = assert!(PANEL.is_multiple_of(ACROSS), "lane-fulls are estimated four by four");
 
 /// Features and the matrix that makes coefficients of them.
 #[derive(Clone, Debug)]
@@ -44,6 +48,13 @@ impl Operator {
     #[must_use]
     pub fn bands(&self) -> usize {
         self.features.bands()
+    }
+
+    /// Whether features can be finite where a response is not: a root of a product counts what is
+    /// below zero as zero. Sums of the responses themselves cannot.
+    #[inline]
+    pub(super) fn hides(&self) -> bool {
+        !matches!(self.features, Features::Linear { .. })
     }
 
     /// Coefficients, in double precision: the reference for the lanes.
@@ -95,19 +106,21 @@ impl Operator {
         let (values, _) = panel.values.as_chunks_mut::<PANEL>();
         let (blocks, _) = values.as_chunks_mut::<ROWS>();
         for (values, weights) in blocks.iter_mut().zip(self.blocks.chunks_exact(features.len())) {
-            for here in (0..PANEL).step_by(2) {
-                let [mut a, mut b] = [[R::zero(); ROWS]; 2];
+            for here in (0..PANEL).step_by(ACROSS) {
+                let mut sums = [[R::zero(); ACROSS]; ROWS];
                 for index in 0..features.len() {
                     let (feature, weights) = (&features[index], &weights[index]);
                     for row in 0..ROWS {
                         let weight = R::splat(weights[row]);
-                        a[row] = feature[here].mul_add(weight, a[row]);
-                        b[row] = feature[here + 1].mul_add(weight, b[row]);
+                        for one in 0..ACROSS {
+                            sums[row][one] = feature[here + one].mul_add(weight, sums[row][one]);
+                        }
                     }
                 }
                 for row in 0..ROWS {
-                    values[row][here] = a[row];
-                    values[row][here + 1] = b[row];
+                    for one in 0..ACROSS {
+                        values[row][here + one] = sums[row][one];
+                    }
                 }
             }
         }

@@ -71,7 +71,9 @@ impl ModelVisitor for Prediction<'_, '_> {
             jobs(out, bands, pixels),
             || (vec![0.0; TILE], vec![0.0; TILE]),
             |(x, y), job| {
-                grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
+                if !pairs.is_distant(job.observation) {
+                    grid.coordinates(job.start, &mut x[..job.count], &mut y[..job.count]);
+                }
                 let intensity = intensities[job.observation] as f32;
                 level.run(Predict { surface, pairs: &pairs, pixels, intensity, x, y, job });
             },
@@ -88,14 +90,20 @@ struct Job<'a> {
     out: Vec<&'a mut [f32]>,
 }
 
+/// Observations that show a tile one after another, so that the maps of the surface are read from the
+/// cache. More of them have too many new pages at a time, which the system fills with zeros.
+const TOGETHER: usize = 4;
+
 /// Cuts `(obs, band, y, x)` into tiles of observations.
 fn jobs(out: &mut [f32], bands: usize, pixels: usize) -> Vec<Job<'_>> {
     let mut jobs = Vec::new();
-    for (observation, planes) in out.chunks_mut(bands * pixels).enumerate() {
+    for (group, planes) in out.chunks_mut(TOGETHER * bands * pixels).enumerate() {
         let mut planes: Vec<_> = planes.chunks_mut(pixels).map(|p| p.chunks_mut(TILE)).collect();
         for (start, count) in tiles(pixels) {
-            let out = planes.iter_mut().filter_map(Iterator::next).collect();
-            jobs.push(Job { observation, start, count, out });
+            for (one, planes) in planes.chunks_mut(bands).enumerate() {
+                let out = planes.iter_mut().filter_map(Iterator::next).collect();
+                jobs.push(Job { observation: group * TOGETHER + one, start, count, out });
+            }
         }
     }
     jobs
@@ -118,25 +126,26 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
     fn run<I: Isa>(self) {
         let Self { surface, pairs, pixels, intensity, x, y, mut job } = self;
         let zero = I::F32::zero();
+        let (start, count, bands) = (job.start, job.count, job.out.len());
+        let tile = |map, planes| tile_of(map, planes, pixels, start, count);
+        let (normals, colours) = (tile(surface.normal, 3), tile(surface.diffuse, bands));
+        let ambient = surface.ambient.map(|map| tile(map, bands));
         let mut values = vec![zero; surface.lobes.len()];
-        let tinted: Vec<(usize, &[f32])> = (surface.lobes.iter().enumerate())
+        let tinted: Vec<_> = (surface.lobes.iter().enumerate())
             .filter_map(|(lobe, of)| match of.strength {
-                Strength::Tinted(map) => Some((lobe, map)),
+                Strength::Tinted(map) => Some((lobe, tile(map, bands))),
                 Strength::Neutral(_) => None,
             })
             .collect();
         let near = !pairs.is_distant(job.observation);
         let (mut towards, mut irradiance, mut pair) = pairs.at(job.observation, zero, zero);
         let mut at = 0;
-        while at < job.count {
-            let pixel = job.start + at;
-            let normal = Vec3::new(
-                plane(surface.normal, pixels, 0, pixel),
-                plane(surface.normal, pixels, 1, pixel),
-                plane(surface.normal, pixels, 2, pixel),
-            );
+        while at < count {
+            let pixel = start + at;
+            let normal =
+                Vec3::new(load(normals[0], at), load(normals[1], at), load(normals[2], at));
             if near {
-                let (x, y) = (load(&x[..job.count], at), load(&y[..job.count], at));
+                let (x, y) = (load(&x[..count], at), load(&y[..count], at));
                 (towards, irradiance, pair) = pairs.at(job.observation, x, y);
             }
             let mut neutral = zero;
@@ -154,15 +163,15 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
             let scale = irradiance * intensity;
             let known = (normal.x + normal.y + normal.z).is_finite();
             for (band, out) in job.out.iter_mut().enumerate() {
-                let diffuse: I::F32 = plane(surface.diffuse, pixels, band, pixel);
+                let diffuse: I::F32 = load(colours[band], at);
                 let mut radiance = diffuse.mul_add(cosine, neutral);
-                for &(lobe, map) in &tinted {
-                    radiance = radiance + scaled(plane(map, pixels, band, pixel), values[lobe]);
+                for (lobe, strengths) in &tinted {
+                    radiance = radiance + scaled(load(strengths[band], at), values[*lobe]);
                 }
                 // Infinite light times none would be NaN.
                 let mut shown = held(radiance) * scale;
-                if let Some(ambient) = surface.ambient {
-                    shown = plane::<I::F32>(ambient, pixels, band, pixel).mul_add(intensity, shown);
+                if let Some(ambient) = &ambient {
+                    shown = load::<I::F32>(ambient[band], at).mul_add(intensity, shown);
                 }
                 store(I::F32::select(known, held(shown), I::F32::of(f64::NAN)), out, at);
             }
@@ -171,10 +180,9 @@ impl<M: LobeModel> Kernel for Predict<'_, '_, M> {
     }
 }
 
-/// A register of a map's plane. No closure: it need not be inlined, and then is a call per register.
-#[inline(always)]
-fn plane<R: Real<Scalar = f32>>(map: &[f32], pixels: usize, number: usize, pixel: usize) -> R {
-    load(&map[number * pixels..(number + 1) * pixels], pixel)
+/// A tile in each plane of a map.
+fn tile_of(map: &[f32], planes: usize, pixels: usize, start: usize, count: usize) -> Vec<&[f32]> {
+    map.chunks(pixels).take(planes).map(|plane| &plane[start..start + count]).collect()
 }
 
 /// Nothing is brighter than the largest number; what is no number stays none.
@@ -266,5 +274,39 @@ mod tests {
         let shape = [-1.1, 0.9].map(Parameter::Everywhere);
         let shape = [shape[0], shape[1], Parameter::Map(&exponent)];
         every_level_and_thread_count_gives_the_same_bits(Model::Lafortune, &shape);
+    }
+
+    #[test]
+    fn photographs_that_are_shown_together_are_those_shown_alone() {
+        let (lights, bands) = (2 * TOGETHER + 3, 2);
+        let light = |one: usize| {
+            let angle = one as f64;
+            Light::Distant(Vec3::new(0.6 * angle.cos(), 0.6 * angle.sin(), 0.8))
+        };
+        let normal: Vec<f32> =
+            (0..3 * PIXELS).map(|i| f32::from(u8::from(i >= 2 * PIXELS))).collect();
+        let diffuse: Vec<f32> = (0..bands * PIXELS).map(|i| i as f32).collect();
+        let surface = Surface {
+            normal: &normal,
+            diffuse: &diffuse,
+            model: Model::TorranceSparrow { index: 1.45 },
+            lobes: Vec::new(),
+            ambient: None,
+            coated: None,
+        };
+        let (cancel, progress) = (AtomicBool::new(false), Progress::default());
+        let run = Run { pool: None, level: Level::Baseline, cancel: &cancel, progress: &progress };
+        let shown = |some: core::ops::Range<usize>| {
+            let count = some.len();
+            let intensities: Vec<f64> = some.clone().map(|one| 1.0 + one as f64).collect();
+            let views = vec![Vec3::new(0.0, 0.0, 1.0); count];
+            let rig = Rig::new(some.map(light).collect(), views, GRID).unwrap();
+            let mut out = vec![0.0; count * bands * PIXELS];
+            predict(&surface, &rig, &intensities, &mut out, &run).unwrap();
+            out
+        };
+        let alone: Vec<f32> = (0..lights).flat_map(|one| shown(one..one + 1)).collect();
+        assert!(shown(0..lights) == alone);
+        assert!(alone.iter().any(|&sample| sample > 0.0));
     }
 }
