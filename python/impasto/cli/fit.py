@@ -78,7 +78,7 @@ def fit(
         the commands that repair it; takes a small part of the time of the fit.
     refine
         First estimate distances of camera and lamps and strengths of lamps from the photographs,
-        accepted where held-out photographs are predicted better; some 3 to 23 s. Default: with 24
+        accepted where held-out photographs are predicted better; some seconds. Default: with 24
         photographs or more from one view, unless --system, --pooling or an option of one is given.
     strengths
         First estimate only the strength of each lamp from the photographs (at least 7 lights), for
