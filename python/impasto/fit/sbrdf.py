@@ -242,8 +242,8 @@ def fit_sbrdf(
         The result of :func:`impasto.fit_normals`, or the name of one of its methods; default: its
         default method. Pixels outside the mask of the stack are not fitted.
     refine
-        Whether the rig is refined first by :func:`impasto.refine_rig`, which takes some
-        seconds whatever the size of the picture: distances of camera and lamps and strengths of lamps,
+        Whether the rig is refined first by :func:`impasto.refine_rig`, which takes some seconds
+        whatever the size of the picture: distances of camera and lamps and strengths of lamps,
         accepted only where held-out photographs are predicted better. ``rig`` of the result is the
         refined one, and its ``refinement`` says what was accepted. Default: with
         ``pooling="auto"`` and 24 photographs or more from one view, unless the rig was refined
