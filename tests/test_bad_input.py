@@ -404,6 +404,11 @@ def test_damaged_light_files(tmp_path: Path, text: str) -> None:
         '{"directions": [{"x": 0, "y": 0, "z": 1}], "imageWidth": {"a": 1}}',
         '{"directions": [[0, 0, 1], [0, 1]]}',
         '{"directions": [{"x": NaN, "y": 0, "z": 1}]}',
+        '{"directions": [[1, 0, 1]], "lightConfiguration": "spherical", "domeDiameter": 1e999}',
+        '{"directions": [[1, 0, 1]], "lightConfiguration": "spherical", "diameter": 1%s}'
+        % (400 * "0"),
+        '{"directions": [[1, 0, 1]], "verticalOffset": -1e999}',
+        '{"positions3d": [[1, 0, 1]], "imageWidth": 1e999}',
     ],
 )
 def test_damaged_light_projects(tmp_path: Path, suffix: str, content: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,10 @@ def parse_dome(
 ) -> LightFile:
     """The lights of relight's ``.dome``: directions, directions on a sphere, or positions in mm."""
     configuration = str(content.get("lightConfiguration", "")).lower()
-    width = _positive(content.get("imageWidth"))
-    diameter = _positive(content.get("domeDiameter", content.get("diameter")))
+    width = _length(content, "imageWidth", path)
+    diameter = _length(content, "domeDiameter" if "domeDiameter" in content else "diameter", path)
     offset = content.get("verticalOffset") or 0.0
-    if not isinstance(offset, int | float):
+    if not (isinstance(offset, int | float) and math.isfinite(offset)):
         raise CorruptInputError(path, f"verticalOffset: expected a number in mm, found {offset!r}")
     positions = _vectors(content, ("positions3d", "positions"), path)
     directions = _vectors(content, ("directions", "positionsSphere"), path)
@@ -88,7 +89,7 @@ def parse_relight(content: dict[str, Any], path: Path, notebook: Notebook) -> Li
         notebook.say("skip", path, f"{skipped} image(s) are marked as skipped and left out")
     prefix = f"{folder}/" if folder not in {"", "."} else ""
     names = tuple(prefix + str(image.get("filename", "")) for image in images)
-    pitch = _positive(content.get("pixelSize"))
+    pitch = _length(content, "pixelSize", path)
     rows = [image.get("direction") for image in images]
     if all(row is not None for row in rows) and rows:
         vectors = _vectors({"images": rows}, ("images",), path)
@@ -159,5 +160,11 @@ def _vectors(
     return None
 
 
-def _positive(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and value > 0 else None
+def _length(content: dict[str, Any], key: str, path: Path) -> float | None:
+    """A length in mm; None where it is not said, as by 0 or a text."""
+    value = content.get(key)
+    if not (isinstance(value, int | float) and value > 0):
+        return None
+    if not math.isfinite(value):
+        raise CorruptInputError(path, f"{key}: expected a length in mm, found {value}")
+    return float(value)
