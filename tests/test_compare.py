@@ -102,8 +102,13 @@ def test_differences_are_the_true_ones(cleaned: Cleaned, found: impasto.Comparis
     angle = np.degrees(maps_of(found).angle - cleaned.angle)
     assert np.median(np.abs(angle)) < 0.6
     # No lobe is left, where the fit found none.
-    assert np.median(maps_of(found).beta_ratio[inside]) < 0.1
-    assert abs(np.median(maps_of(found).beta_ratio[~inside]) - 1.0) < 0.03
+    ratio = maps_of(found).beta_ratio
+    assert np.median(ratio[inside]) < 0.1
+    # Where neither fit found one there is no ratio: the noise hides the lobe of one pixel in 2700.
+    none = (cleaned.before.lobes == 0) & (cleaned.after.lobes == 0)
+    np.testing.assert_array_equal(np.isnan(ratio), none)
+    assert none[~inside].mean() < 0.001
+    assert abs(np.nanmedian(ratio[~inside]) - 1.0) < 0.03
 
 
 @pytest.mark.parametrize("exposure", ["measured", "matched"])

@@ -288,11 +288,11 @@ class _Decision(RigSearch):
         self, axis: int, state: RigNumbers, others: NDArray[np.bool_], kind: Kind
     ) -> tuple[bool, str, Found]:
         """Whether a distance is accepted beside ``others``, why, and the best without it."""
-        asked = self._hypothesis([state, self.even()], others, kind)
+        hypothesis = self._hypothesis([state, self.even()], others, kind)
         # Surfaces of the other kind may make up for the distance.
-        otherwise = replace(asked, test=asked.test.otherwise())
+        otherwise = replace(hypothesis, test=hypothesis.test.otherwise())
         ahead = self._ahead and self._shows(axis, state)[0]
-        without, *other = self.all_found([asked, otherwise] if ahead else [asked])
+        without, *other = self.all_found([hypothesis, otherwise] if ahead else [hypothesis])
         accepted, why = self._judge(axis, state, without.state)
         if accepted:
             rival = other[0] if other else self.found(otherwise)
@@ -358,12 +358,12 @@ class _Decision(RigSearch):
         uneven = self._with(state, kind, test)
         if not self._strengths:
             return Estimate(1.0, False, "not estimated"), uneven
-        asked = self._hypothesis([state, self.even()], free, "given")
+        hypothesis = self._hypothesis([state, self.even()], free, "given")
         if kind == "given":
-            even = self.found(asked)
+            even = self.found(hypothesis)
             trial = self.adjusted(self._hypothesis([even.state], free, "held"))
             return Estimate(trial.spread, False, str(self.gain(trial, even.state))), even
-        every = [replace(asked, test=one) for one in (test, test.otherwise())]
+        every = [replace(hypothesis, test=one) for one in (test, test.otherwise())]
         if kind == "free":
             every += [replace(one, strengths="held") for one in every]
         even, other, *held = self.all_found(every)

@@ -155,31 +155,33 @@ class RigSearch:
 
     # --- parts of the search
 
-    def adjusted(self, asked: Hypothesis) -> RigNumbers:
+    def adjusted(self, hypothesis: Hypothesis) -> RigNumbers:
         """The numbers under one hypothesis that predict best, of those found from its starts."""
-        test = asked.test
+        test = hypothesis.test
         adjustment = BundleAdjustment(test, self.at, self._given.directions, self._threads)
         distinct: dict[bytes, RigNumbers] = {}
-        for one in asked.starts:
-            log = np.zeros_like(one.log) if asked.strengths == "given" else one.log
-            start = RigNumbers(np.where(asked.free, one.place, 0.0), log)
+        for one in hypothesis.starts:
+            log = np.zeros_like(one.log) if hypothesis.strengths == "given" else one.log
+            start = RigNumbers(np.where(hypothesis.free, one.place, 0.0), log)
             distinct.setdefault(start.place.tobytes() + log.tobytes(), start)
         found: list[RigNumbers] = []
         for start in distinct.values():
             known = tuple(found)
             found.append(
-                adjustment.solve(start, asked.free, asked.strengths, nearest=NEAREST, known=known)
+                adjustment.solve(
+                    start, hypothesis.free, hypothesis.strengths, nearest=NEAREST, known=known
+                )
             )
             self._tick()
         return min(found, key=lambda state: self.errors(state, test).trim)
 
-    def found(self, asked: Hypothesis) -> Found:
+    def found(self, hypothesis: Hypothesis) -> Found:
         """The best numbers under one hypothesis."""
-        return self._with(self.adjusted(asked), asked.strengths, asked.test)
+        return self._with(self.adjusted(hypothesis), hypothesis.strengths, hypothesis.test)
 
-    def all_found(self, asked: Sequence[Hypothesis]) -> list[Found]:
+    def all_found(self, hypotheses: Sequence[Hypothesis]) -> list[Found]:
         """The same of several, on all threads."""
-        return wait_for_each(self.found, asked, self._count)
+        return wait_for_each(self.found, hypotheses, self._count)
 
     def _with(self, state: RigNumbers, strengths: Kind, test: HeldOut) -> Found:
         return Found(state, strengths, test, self.errors(state, test))
@@ -206,14 +208,14 @@ class RigSearch:
         else:
             starts, found = (start,), []
             kinds.insert(0, "given")
-        asked = {kind: Hypothesis(starts, self._free, kind, test) for kind in (*kinds, "held")}
-        found += self.all_found([asked[kind] for kind in kinds])
+        by_kind = {kind: Hypothesis(starts, self._free, kind, test) for kind in (*kinds, "held")}
+        found += self.all_found([by_kind[kind] for kind in kinds])
         if not self._strengths:
             return found
         even, free, *held = found
         if not strengths_differ(free.errors.than(even.errors), test.rounded):
             return [even]
-        return [even, *(held or [self.found(asked["held"])]), free]
+        return [even, *(held or [self.found(by_kind["held"])]), free]
 
     def searched(self) -> Found:
         """The best numbers, with surfaces that suit them: under a varnish or not.
