@@ -150,7 +150,7 @@ class Search(rig_refinement._Decision):
 
     def __init__(self, trims: Trims, threads: int = 1) -> None:
         self._free, self._why = np.array([True, True]), ["", ""]
-        self._count, self._ahead = threads, threads > 1
+        self._count, self.report, self.left = threads, None, False
         self._folds, self._trims = 2, trims
         self._given: Any = np.zeros(LIGHTS)
         self._test: Any = self.surfaces("plain")

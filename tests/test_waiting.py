@@ -292,13 +292,24 @@ def test_what_is_done_to_files_of_a_filter_wheel_is_waited_for(
 
 
 @pytest.mark.parametrize(
-    ("threads", "steps", "each"), [(1, 3, 1), (2, 3, 1), (4, 2, 2), (5, 2, 2), (8, 1, 8)]
+    ("threads", "steps", "each", "nested"),
+    [(1, 3, 1, 1), (2, 3, 1, 1), (3, 2, 1, 1), (4, 2, 4, 1), (8, 2, 8, 8), (8, 1, 8, 8)],
 )
-def test_steps_side_by_side_share_the_threads(threads: int, steps: int, each: int) -> None:
-    def nested(_: int) -> list[int]:
+def test_steps_side_by_side_share_the_threads(
+    threads: int, steps: int, each: int, nested: int
+) -> None:
+    """One each, unless there are two for each of them; ``nested``: of two in each."""
+
+    def two(_: int) -> list[int]:
         return wait_for_each(lambda _: thread_count(threads), range(2), thread_count(threads))
 
     assert wait_for_each(lambda _: thread_count(threads), range(steps), threads) == [each] * steps
-    # Those of two steps that are themselves taken side by side.
-    assert wait_for_each(nested, range(steps), threads) == [[max(each // 2, 1)] * 2] * steps
+    assert wait_for_each(two, range(steps), threads) == [[nested] * 2] * steps
     assert thread_count(threads) == threads
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_caller_hears_of_each_step(threads: int) -> None:
+    callers = list[int]()
+    wait_for_each(str, range(5), threads, lambda: callers.append(threading.get_ident()))
+    assert callers == [threading.get_ident()] * 5

@@ -52,9 +52,11 @@ def thread_count(threads: int | None) -> int:
     The argument, else ``IMPASTO_NUM_THREADS``, else ``RAYON_NUM_THREADS``, else every core that
     this process is allowed to run on. Results do not depend on it: a request for more than
     :data:`MOST_THREADS` on a smaller machine, which would only stand in its own way, gets those.
-    Steps that are taken side by side share them.
+    Steps that are taken side by side have one each where there are not two for each of them; else
+    all have all, and take turns: one pool serves all calls of as many threads.
     """
-    return max(_thread_count(threads) // _SHARED.get(), 1)
+    count, steps = _thread_count(threads), _SHARED.get()
+    return count if steps == 1 or count >= 2 * steps else 1
 
 
 def share_threads(steps: int) -> None:

@@ -77,7 +77,10 @@ def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.k
 
 
 def wait_for_each(
-    step: Callable[[Item], Found], items: Sequence[Item], threads: int
+    step: Callable[[Item], Found],
+    items: Sequence[Item],
+    threads: int,
+    after: Callable[[], object] | None = None,
 ) -> list[Found]:
     """``step`` of every item, on at most so many threads at once; Ctrl-C leaves them to themselves.
 
@@ -85,23 +88,31 @@ def wait_for_each(
     Ctrl-C: it is for steps as short as the fit of a small sample. After Ctrl-C, or an error of one
     of them, those that have begun go on to their end, and no other begins. The steps share the
     threads (:func:`~impasto._internal.calls.thread_count`). On one thread, or where none can be
-    started, the caller takes all steps.
+    started, the caller takes all steps. ``after`` is called by the caller after each of them.
 
     Returns
     -------
     list
         What the steps return, in the order of the items; of what they raise, the first is raised.
     """
+    found: list[Found] = []
+
+    def add(one: Found) -> None:
+        found.append(one)
+        if after is not None:
+            after()
+
     if threads < 2 or len(items) < 2:
-        return [step(item) for item in items]
+        for item in items:
+            add(step(item))
+        return found
     workers = min(threads, len(items))
     pool = Pool(workers)
     try:
         handed = [_handed(pool, workers, step, item) for item in items]
-        return [
-            step(item) if one is None else one.awaited()
-            for item, one in zip(items, handed, strict=True)
-        ]
+        for item, one in zip(items, handed, strict=True):
+            add(step(item) if one is None else one.awaited())
+        return found
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 

@@ -30,6 +30,8 @@ MARGIN = 0.1
 sample to sample."""
 Predicted = tuple[NDArray[np.float64], NDArray[np.float64]]
 """PSNR ``(obs,)`` of a candidate's photographs: of the model alone, and with residuals."""
+ByProcess = dict[tuple[float, float], NDArray[np.float64]]
+"""PSNR ``(obs,)`` of the photographs of a fold, by length and noise of the residuals' process."""
 PROCESSES = ((0.3, 0.01), (0.15, 0.1), (1.2, 0.001))
 """Lengths and noises of the residuals that are compared."""
 ROUNDING = 1.0 / 12.0
@@ -236,25 +238,29 @@ def choose(
     tried: list[Candidate] = []
     each: list[Predicted] = []
 
-    def judged(candidate: Candidate) -> Predicted:
-        # The model alone, and with the residuals that help most, if any do.
-        ways = predicted(fit(candidate), folds, top, threads)
-        return ways[0], max(ways, key=np.mean)
-
-    def judge(some: Sequence[Candidate]) -> None:
-        found = wait_for_each(judged, some, thread_count(threads))
-        each.extend(found)
-        tried.extend(
-            replace(one, decibels=float(shown.mean()))
-            for one, (_, shown) in zip(some, found, strict=True)
-        )
-
+    done = 0
     with reporting(progress is True, "choice") as callback:
+
+        def tick() -> None:
+            nonlocal done
+            done += 1
+            if callback is not None:
+                callback(done, max(done, len(candidates) * len(folds)))
+
+        def judge(some: Sequence[Candidate]) -> None:
+            def judged(pair: tuple[Candidate, Fold]) -> ByProcess:
+                return predicted_in(fit(pair[0]), pair[1], top, threads)
+
+            pairs = [(one, fold) for one in some for fold in folds]
+            found = wait_for_each(judged, pairs, thread_count(threads), tick)
+            for index, one in enumerate(some):
+                ways = joined(found[index * len(folds) : (index + 1) * len(folds)])
+                # The model alone, and with the residuals that help most, if any do.
+                each.append((ways[0], max(ways, key=np.mean)))
+                tried.append(replace(one, decibels=float(each[-1][1].mean())))
+
         judge(candidates)
-        more = under_varnish(tried, each) if open_varnish else []
-        if callback is not None:
-            callback(len(tried), len(tried) + len(more))
-        judge(more)
+        judge(under_varnish(tried, each) if open_varnish else [])
     return Choice(simplest(tried, each), tuple(tried), sum(len(fold.rig) for fold in folds))
 
 
@@ -275,11 +281,22 @@ def predicted(
         None means every allowed core.
     """
 
-    def of(fold: Fold) -> dict[tuple[float, float], NDArray[np.float64]]:
-        shown = shown_by_process(fit(fold.known), fold.rig, threads)
-        return {process: decibels(one, fold.compared, top) for process, one in shown.items()}
+    def of(fold: Fold) -> ByProcess:
+        return predicted_in(fit, fold, top, threads)
 
-    each = wait_for_each(of, folds, thread_count(threads))
+    return joined(wait_for_each(of, folds, thread_count(threads)))
+
+
+def predicted_in(
+    fit: Callable[[Stack], Any], fold: Fold, top: float, threads: int | None
+) -> ByProcess:
+    """The same of the photographs of one fold."""
+    shown = shown_by_process(fit(fold.known), fold.rig, threads)
+    return {process: decibels(one, fold.compared, top) for process, one in shown.items()}
+
+
+def joined(each: Sequence[ByProcess]) -> list[NDArray[np.float64]]:
+    """The PSNR of all folds, by process."""
     ways: dict[tuple[float, float], list[NDArray[np.float64]]] = {}
     for found in each:
         for process, one in found.items():

@@ -40,7 +40,7 @@ ROUNDED = 0.3
 """Trimmed means up to this many steps of the files, of 8 bits where samples are floats, are those
 of rounding, which alone gives 0.22: nothing lowers them for a reason."""
 RECENT = 8
-"""Rigs that are kept: each is asked for several times in a row, on each thread."""
+"""Rigs that are kept for all threads: each is asked for several times in a row."""
 _SMALLEST = 0.05
 """Least error in a ratio, in codes."""
 _LARGEST = 1e19
@@ -297,7 +297,8 @@ class HeldOut:
         Clipped there, a strong lamp would tell nothing, and what is shown too bright be right.
         Light that overflows is a very large error, not an unknown one.
         """
-        # In place and converted block by block: for new arrays the system clears as much memory.
+        # In place, and converted block by block: each new array is memory that the system first
+        # fills with zeros.
         light = np.empty(np.shape(linear), np.float32)
         with np.errstate(over="ignore"):  # of samples near the largest float
             np.divide(linear, self.white, out=light, casting="same_kind")
@@ -307,7 +308,7 @@ class HeldOut:
 
 
 def _lighting(few: Stack, middle: tuple[float, float]) -> Callable[[Rig], Stack]:
-    """What puts a sample, whose middle lies there, under a rig; the last ones are kept."""
+    """What puts a sample under a rig, from where its middle lies; the last ones are kept."""
 
     @lru_cache(maxsize=RECENT)
     def lit(rig: Rig) -> Stack:

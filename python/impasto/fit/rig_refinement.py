@@ -291,11 +291,11 @@ class _Decision(RigSearch):
         hypothesis = self._hypothesis([state, self.even()], others, kind)
         # Surfaces of the other kind may make up for the distance.
         otherwise = replace(hypothesis, test=hypothesis.test.otherwise())
-        ahead = self._ahead and self._shows(axis, state)[0]
-        without, *other = self.all_found([hypothesis, otherwise] if ahead else [hypothesis])
+        ahead = [otherwise] if self._shows(axis, state)[0] else []
+        (without,), other = self.all_found([hypothesis], ahead)
         accepted, why = self._judge(axis, state, without.state)
         if accepted:
-            rival = other[0] if other else self.found(otherwise)
+            rival = other[0] or self.found(otherwise)
             gain = self.errors(state).than(rival.errors)
             if not convincing(gain):
                 return False, f"no better: {gain}", rival
@@ -366,7 +366,7 @@ class _Decision(RigSearch):
         every = [replace(hypothesis, test=one) for one in (test, test.otherwise())]
         if kind == "free":
             every += [replace(one, strengths="held") for one in every]
-        even, other, *held = self.all_found(every)
+        even, other, *held = self.all_found(every)[0]
         rivals = [even, other, uneven, *held]
         left = chosen(rivals, self._test.rounded)
         even = min(rivals[:2], key=suited(even))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import Lock, get_ident
@@ -83,15 +84,13 @@ class RigSearch:
         self._folds = _FOLDS if len(rig) >= _MANY else _FOLDS_OF_FEW
         self._test = HeldOut(stack, _PIXELS, index=index, threads=threads)
         self._known: dict[tuple[Surfaces, bytes, bytes], Errors] = {}
-        self._recent = lru_cache(maxsize=RECENT)(self._rig)
+        self._recent = _rigs(self._given, self._half, falloff)
         self.left = False
         """Whether the caller has left: what is still tried ends at its next rig."""
         self.report: Callable[[int, int], object] | None = None
         self._done, self._caller = 0, get_ident()
         self._counting = Lock()
         self._count = thread_count(threads)
-        self._ahead = self._count > 1
-        """Whether what may be asked for later is tried beside what is asked for."""
 
     # --- one candidate
 
@@ -100,24 +99,6 @@ class RigSearch:
         if self.left:
             raise CancelledError
         return self._recent(state)
-
-    def _rig(self, state: RigNumbers) -> Rig:
-        u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
-        lights: list[Light] = []
-        # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
-        strengths = np.clip(self._given.intensities * np.exp(state.log), LEAST, MOST).tolist()
-        for light, strength in zip(self._given.lights, strengths, strict=True):
-            if isinstance(light, DistantLight) and w > 0.0:
-                position = self._half / w * np.array(light.direction)
-                lights.append(near_lamp(position, strength, self._falloff, light.radius))
-            else:
-                lights.append(replace(light, intensity=strength))
-        views: Views = self._given.viewpoints
-        if u > 0.0:
-            x, y, z = (self._half / u * self._given.views[0]).tolist()
-            views = PointView((x, y, z))
-        place: dict[str, Any] = {"pitch_mm": self._given.pitch_mm, "origin": self._given.origin}
-        return Rig(lights, views=views, **place)
 
     def errors(self, state: RigNumbers, test: HeldOut | None = None) -> Errors:
         """Errors of photographs held out; ``test``: with other surfaces than those at hand."""
@@ -130,7 +111,9 @@ class RigSearch:
 
     def each(self, states: Sequence[RigNumbers], test: HeldOut) -> list[Errors]:
         """The same of many, on all threads."""
-        return wait_for_each(lambda state: self.errors(state, test), states, self._count)
+        return wait_for_each(
+            lambda state: self.errors(state, test), states, self._count, self._tell
+        )
 
     def gain(self, state: RigNumbers, before: RigNumbers) -> Comparison:
         """Of one candidate against another."""
@@ -148,7 +131,11 @@ class RigSearch:
     def _tick(self) -> None:
         with self._counting:
             self._done += 1
-        # Callables are called where the caller expects it.
+        # Callables are called on the caller's thread.
+        if get_ident() == self._caller:
+            self._tell()
+
+    def _tell(self) -> None:
         if self.report is not None and get_ident() == self._caller:
             # The number of candidates is not known: the bar approaches its end.
             self.report(self._done, self._done + 2 * len(NODES) ** 2)
@@ -179,9 +166,29 @@ class RigSearch:
         """The best numbers under one hypothesis."""
         return self._with(self.adjusted(hypothesis), hypothesis.strengths, hypothesis.test)
 
-    def all_found(self, hypotheses: Sequence[Hypothesis]) -> list[Found]:
-        """The same of several, on all threads."""
-        return wait_for_each(self.found, hypotheses, self._count)
+    def all_found(
+        self, hypotheses: Sequence[Hypothesis], ahead: Sequence[Hypothesis] = ()
+    ) -> tuple[list[Found], list[Found | None]]:
+        """The same of several, on all threads; and of some that may be asked for later.
+
+        The latter on more threads than one, else None. An error of theirs is raised where they are
+        asked for, not here.
+        """
+
+        def tried(hypothesis: Hypothesis) -> Found | None:
+            with suppress(Exception):
+                return self.found(hypothesis)
+            return None
+
+        def step(pair: tuple[Hypothesis, bool]) -> Found | None:
+            hypothesis, now = pair
+            return self.found(hypothesis) if now else tried(hypothesis)
+
+        later = [(one, False) for one in ahead] if self._count > 1 else []
+        pairs = [*((one, True) for one in hypotheses), *later]
+        found = wait_for_each(step, pairs, self._count, self._tell)
+        now = [one for one in found[: len(hypotheses)] if one is not None]
+        return now, found[len(hypotheses) :] or [None] * len(ahead)
 
     def _with(self, state: RigNumbers, strengths: Kind, test: HeldOut) -> Found:
         return Found(state, strengths, test, self.errors(state, test))
@@ -198,9 +205,7 @@ class RigSearch:
 
     def explained(self, test: HeldOut, start: RigNumbers | None = None) -> list[Found]:
         """The best numbers with strengths as given, and with uneven ones where these differ."""
-        kinds: list[Kind] = []
-        if self._strengths:
-            kinds = ["free", "held"] if self._ahead else ["free"]
+        kinds: list[Kind] = ["free"] if self._strengths else []
         if start is None:
             even = self._with(self.placed(test), "given", test)
             starts: tuple[RigNumbers, ...] = (even.state, self.even())
@@ -208,14 +213,15 @@ class RigSearch:
         else:
             starts, found = (start,), []
             kinds.insert(0, "given")
-        by_kind = {kind: Hypothesis(starts, self._free, kind, test) for kind in (*kinds, "held")}
-        found += self.all_found([by_kind[kind] for kind in kinds])
+        now = [Hypothesis(starts, self._free, kind, test) for kind in kinds]
+        held = Hypothesis(starts, self._free, "held", test)
         if not self._strengths:
-            return found
-        even, free, *held = found
+            return found + self.all_found(now)[0]
+        more, (third,) = self.all_found(now, [held])
+        even, free = found + more
         if not strengths_differ(free.errors.than(even.errors), test.rounded):
             return [even]
-        return [even, *(held or [self.found(by_kind["held"])]), free]
+        return [even, third or self.found(held), free]
 
     def searched(self) -> Found:
         """The best numbers, with surfaces that suit them: under a varnish or not.
@@ -229,3 +235,28 @@ class RigSearch:
         # Where lobes of the wrong shape lead may be far from the rig that the right ones show.
         found += self.explained(other, None if other.surfaces == "shaped" else start)
         return chosen(found, first.rounded)
+
+
+def _rigs(given: Rig, half: float, falloff: bool) -> Callable[[RigNumbers], Rig]:
+    """What makes rigs of numbers, for the whole painting; the last ones are kept."""
+
+    @lru_cache(maxsize=RECENT)
+    def rig(state: RigNumbers) -> Rig:
+        u, w = np.where(state.place < _DISTANT, 0.0, state.place).tolist()
+        lights: list[Light] = []
+        # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
+        strengths = np.clip(given.intensities * np.exp(state.log), LEAST, MOST).tolist()
+        for light, strength in zip(given.lights, strengths, strict=True):
+            if isinstance(light, DistantLight) and w > 0.0:
+                position = half / w * np.array(light.direction)
+                lights.append(near_lamp(position, strength, falloff, light.radius))
+            else:
+                lights.append(replace(light, intensity=strength))
+        views: Views = given.viewpoints
+        if u > 0.0:
+            x, y, z = (half / u * given.views[0]).tolist()
+            views = PointView((x, y, z))
+        place: dict[str, Any] = {"pitch_mm": given.pitch_mm, "origin": given.origin}
+        return Rig(lights, views=views, **place)
+
+    return rig

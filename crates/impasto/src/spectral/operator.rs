@@ -7,9 +7,8 @@ use crate::error::{Error, Result};
 use crate::math::Real;
 
 /// Rows of the coefficient matrix that go through the features together, for [`ACROSS`] lane-fulls of
-/// pixels: twelve accumulators hide the latency of the multiply-add, each feature is loaded once for
-/// three rows and each coefficient once for four lane-fulls. Three and six bands have three and six
-/// coefficients.
+/// pixels: twelve accumulators hide the latency of the multiply-add, and each coefficient is loaded once
+/// for four lane-fulls. Three and six bands have three and six coefficients.
 const ROWS: usize = 3;
 
 /// Lane-fulls of pixels that go through the features together.
@@ -50,8 +49,8 @@ impl Operator {
         self.features.bands()
     }
 
-    /// Whether features can be finite where a response is not: a root of a product counts what is
-    /// below zero as zero. Sums of the responses themselves cannot.
+    /// Whether features can be finite where a response is not: those of roots count NaN, and what is
+    /// below zero, as zero. Sums of the responses themselves cannot.
     #[inline]
     pub(super) fn hides(&self) -> bool {
         !matches!(self.features, Features::Linear { .. })

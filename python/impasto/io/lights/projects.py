@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from pathlib import Path
+from reprlib import repr as short
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,9 @@ def parse_dome(
     width = _length(content, "imageWidth", path)
     diameter = _length(content, "domeDiameter" if "domeDiameter" in content else "diameter", path)
     offset = content.get("verticalOffset") or 0.0
-    if not (isinstance(offset, int | float) and math.isfinite(offset)):
-        raise CorruptInputError(path, f"verticalOffset: expected a number in mm, found {offset!r}")
+    if not (isinstance(offset, int | float) and _fits(offset)):
+        found = short(offset)
+        raise CorruptInputError(path, f"verticalOffset: expected a number in mm, found {found}")
     positions = _vectors(content, ("positions3d", "positions"), path)
     directions = _vectors(content, ("directions", "positionsSphere"), path)
     if configuration == "lights3d" and positions is None:
@@ -165,6 +167,11 @@ def _length(content: dict[str, Any], key: str, path: Path) -> float | None:
     value = content.get(key)
     if not (isinstance(value, int | float) and value > 0):
         return None
-    if not math.isfinite(value):
-        raise CorruptInputError(path, f"{key}: expected a length in mm, found {value}")
+    if not _fits(value):
+        raise CorruptInputError(path, f"{key}: expected a length in mm, found {short(value)}")
     return float(value)
+
+
+def _fits(value: float) -> bool:
+    """Whether a number is finite, also as a float: whole numbers of JSON have any size."""
+    return abs(value) <= sys.float_info.max
