@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import math
 import struct
@@ -165,6 +166,24 @@ def member(file: RegularFile, name: str) -> StoredArray:
     return array_in(file.path, head, start, found.file_size)
 
 
+def _check_header(head: bytes, at: int, version: tuple[int, int]) -> None:
+    """Refuse what numpy reads with a warning: headers of Python 2, and the name ``a`` of a type.
+
+    Raises
+    ------
+    SyntaxError
+        Something else than one literal of Python 3.
+    ValueError
+        A type that is no number or text.
+    """
+    wide = 2 if version == (1, 0) else 4
+    length = int.from_bytes(head[at : at + wide], "little")
+    header = ast.literal_eval(head[at + wide : at + wide + length].decode("latin1"))
+    kind = header.get("descr") if isinstance(header, dict) else None
+    if not isinstance(kind, str) or "a" in kind:
+        raise ValueError(f"of type {kind!r}")
+
+
 def array_in(path: Path, head: bytes, start: int, size: int) -> StoredArray:
     """The array in ``.npy`` format whose ``size`` bytes begin with ``head`` at ``start``.
 
@@ -176,6 +195,7 @@ def array_in(path: Path, head: bytes, start: int, size: int) -> StoredArray:
     opened = io.BytesIO(head)
     try:
         version = np.lib.format.read_magic(opened)
+        _check_header(head, opened.tell(), version)
         read = {
             (1, 0): np.lib.format.read_array_header_1_0,
             (2, 0): np.lib.format.read_array_header_2_0,
