@@ -9,6 +9,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, CorruptInputError
+from impasto.io.spectra_table import NANOMETRES, _along
 
 GRID = [400.0, 500.0, 600.0, 700.0]
 RED, BLUE = [0.05, 0.06, 0.4, 0.55], [0.3, 0.25, 0.1, 0.08]
@@ -201,3 +202,8 @@ def test_spectra_are_learnt_from(tmp_path: Path) -> None:
     )
     np.testing.assert_array_equal(one.coefficients, other.coefficients)
     assert one.info["training"] == "paints.csv"
+
+
+def test_infinite_numbers_are_no_wavelengths() -> None:
+    assert not _along([400.0, np.inf, np.inf], NANOMETRES)
+    assert _along([400.0, 500.0, 600.0], NANOMETRES)

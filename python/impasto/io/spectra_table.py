@@ -152,9 +152,10 @@ def _wavelength(cell: str, *, comma: bool) -> float | None:
 
 def _along(values: Sequence[float], limits: tuple[float, float]) -> bool:
     """Whether these can be wavelengths: within the limits, rising or falling."""
+    if not (limits[0] <= min(values) and max(values) <= limits[1]):
+        return False
     steps = np.diff(values)
-    ordered = bool((steps > 0).all() or (steps < 0).all())
-    return ordered and limits[0] <= min(values) and max(values) <= limits[1]
+    return bool((steps > 0).all() or (steps < 0).all())
 
 
 def _column_of_wavelengths(rows: Sequence[Row]) -> bool:
