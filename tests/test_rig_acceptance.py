@@ -9,11 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impasto.fit import rig_refinement
+from impasto.fit import rig_elimination, rig_refinement
 from impasto.fit.bundle_adjustment import Kind, RigNumbers
 from impasto.fit.held_out import Comparison, Errors
-from impasto.fit.rig_acceptance import Found, chosen, convincing, strengths_differ
+from impasto.fit.rig_acceptance import (
+    Found,
+    chosen,
+    convincing,
+    count_together,
+    strengths_differ,
+    whole,
+)
 from impasto.fit.rig_search import Hypothesis
+from impasto.refinement import Estimate
 
 LIGHTS, SAMPLES = 40, 400
 ROUNDED = 0.3
@@ -275,5 +283,100 @@ def test_the_last_steps_do_not_spread_strengths_without_limit(
     wider: Any = SimpleNamespace(solve=lambda *_, **__: numbers(last))
     monkeypatch.setattr(rig_refinement, "BundleAdjustment", lambda *_: wider)
     search._given = SimpleNamespace(directions=None)  # type: ignore[assignment]
+    search._by_medians = lambda state, *_: state  # type: ignore[method-assign]
     state, _ = search._final(numbers(accepted), np.zeros(2, np.bool_), "held")
     assert state.spread == pytest.approx(last if kept else accepted)
+
+
+@pytest.mark.parametrize(
+    ("moved", "error", "kept"), [(3.0, 0.98, True), (3.0, 0.995, False), (9.0, 0.5, False)]
+)
+def test_medians_count_where_photographs_are_predicted_better(
+    moved: float, error: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By 1 % or more, and without strengths that differ by more than a factor of 8."""
+
+    def numbers(spread: float) -> RigNumbers:
+        return RigNumbers(np.zeros(2), np.log(np.linspace(1.0, spread, LIGHTS)))
+
+    search = Search(lambda camera, lamps, surfaces: 0.0)
+    search._threads = None
+    search.at = lambda state: state  # type: ignore[assignment]
+    rounds = SimpleNamespace(rounds=lambda *_, **__: numbers(moved))
+    monkeypatch.setattr(rig_refinement, "Medians", lambda *_: rounds)
+
+    def errors(rig: Any, folds: int, lobes: int) -> Errors:
+        return found("held", error if rig.spread > 2.5 else 1.0).errors
+
+    search._test = SimpleNamespace(errors=errors, surfaces="plain")
+    many: Any = None
+    state = search._by_medians(numbers(2.0), "held", many)
+    assert state.spread == pytest.approx(moved if kept else 2.0)
+
+
+# --- numbers that count together
+
+
+def test_a_group_counts_by_what_each_of_its_numbers_is_worth() -> None:
+    """2 % each, and three standard errors together; near those of rounding, 20 %."""
+
+    def gain(before: float, after: float) -> Comparison:
+        return found("held", after).errors.than(found("given", before).errors)
+
+    assert count_together(gain(2.0, 1.9), 2, ROUNDED)
+    assert not count_together(gain(2.0, 1.9), 3, ROUNDED)
+    assert count_together(gain(2.0, 1.87), 3, ROUNDED)
+    assert not count_together(gain(0.5, 0.45), 2, ROUNDED)
+    assert count_together(gain(0.5, 0.39), 2, ROUNDED)
+    assert not count_together(Comparison(2.0, 1.8, 0.9, 0.4), 2, ROUNDED)
+
+
+def test_strengths_that_were_not_chosen_are_in_the_group() -> None:
+    given, held, other = found("given", 2.0), found("held", 1.97), found("held", 1.9, coated=True)
+    assert chosen([given, held], ROUNDED) is given
+    assert whole([given, held], ROUNDED) is held
+    assert whole([given, held, other], ROUNDED) is other
+    assert whole([given], ROUNDED) is given
+
+
+EACH = {(0, 0, 0): 1.07, (1, 1, 1): 1.0}
+"""Of camera, lamps and strengths, each is worth less than 2 % beside the others."""
+
+
+def grouped(
+    trims: dict[tuple[int, int, int], float], *, mirrored: bool = False, disagree: bool = False
+) -> tuple[bool, bool, bool]:
+    """Which of camera, lamps and strengths are accepted after none was, one by one."""
+    search = Search(lambda camera, lamps, surfaces: 0.0)
+    search._trims = None  # type: ignore[assignment]
+
+    def errors(state: RigNumbers, test: Any = None) -> Errors:
+        near = (state.place > 0.0).astype(int).tolist()
+        return found("held", trims[(*near, int(state.log.any()))]).errors  # type: ignore[index]
+
+    search.errors = errors  # type: ignore[method-assign]
+    search._agree = lambda state, axis: not disagree  # type: ignore[method-assign]
+    gain = Comparison(2.0, 1.0, 6.0, 0.1)
+    search._mirrored = lambda state: gain if mirrored else None  # type: ignore[method-assign]
+    uneven = RigNumbers(np.array([0.5, 0.25]), np.log(np.linspace(1.0, 2.0, LIGHTS)))
+    group = Found(uneven, "held", search._test, errors(uneven))
+    no, nothing = np.zeros(2, np.bool_), RigNumbers(np.zeros(2), np.zeros(LIGHTS))
+    alone = Estimate(2.0, False, "no better")
+    one_by_one = rig_elimination.Accepted(
+        nothing, no, "given", search._test, uneven, ["no better", "no better"], alone
+    )
+    left = search.together(group, one_by_one)
+    assert ("together" in left.reasons[0]) == left.free[0]
+    assert left.strengths.accepted == (left.kind == "held") == bool(left.state.log.any())
+    camera, lamps = left.free.tolist()
+    return camera, lamps, left.strengths.accepted
+
+
+def test_what_counts_together_is_accepted_together() -> None:
+    assert grouped(EACH) == (True, True, True)
+    assert grouped({**EACH, (0, 0, 0): 1.05}) == (False, False, False)
+
+
+def test_a_group_whose_distances_contradict_the_photographs_is_not_accepted() -> None:
+    assert grouped(EACH, mirrored=True) == (False, False, False)
+    assert grouped(EACH, disagree=True) == (False, False, False)

@@ -67,6 +67,15 @@ def chosen(found: Sequence[Found], rounded: float) -> Found:
     return held
 
 
+def whole(found: Sequence[Found], rounded: float) -> Found:
+    """The best numbers with strengths uneven, if any hypothesis has them, chosen or not."""
+    best = chosen(found, rounded)
+    held = [one for one in found if one.kind == "held"]
+    if best.kind != "given" or not held:
+        return best
+    return min(held, key=suited(found[0]))
+
+
 def suited(first: Found) -> Callable[[Found], float]:
     """The trimmed error, in favour of surfaces of the same kind as the first."""
 
@@ -80,6 +89,13 @@ def suited(first: Found) -> Callable[[Found], float]:
 def convincing(gain: Comparison) -> bool:
     """Whether photographs held out show a number of the rig."""
     return gain.better(FALL, _CERTAIN) or gain.better(MUCH, _LIKELY)
+
+
+def count_together(gain: Comparison, numbers: int, rounded: float) -> bool:
+    """Whether they show so many numbers of the rig, of which none counts beside the others."""
+    if gain.trim_before <= COARSE * rounded:
+        return gain.better(MUCH, _LIKELY)
+    return gain.better(numbers * FALL, _CERTAIN)
 
 
 def strengths_differ(gain: Comparison, rounded: float) -> bool:

@@ -8,7 +8,6 @@ of the fit say which of them to keep (backward elimination).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,35 +21,24 @@ from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, HeldOut
 from impasto.fit.rig_acceptance import (
-    COARSE,
-    FALL,
-    MUCH,
-    Found,
     chosen,
-    convincing,
-    suited,
+    whole,
 )
-from impasto.fit.rig_search import NEAREST, NODES, Hypothesis, RigSearch
+from impasto.fit.rig_elimination import FAR, NONE, SPREAD, Elimination, without_far
+from impasto.fit.rig_search import NEAREST
+from impasto.fit.strength_search import HELPS, ROUNDS, Medians
 from impasto.refinement import Estimate, RigRefinement
 from impasto.rig import Rig, seen_from_front
 from impasto.stack import Stack, checked_stack
 
 _MANY_PIXELS = 2304
 """The sample of the last adjustment, whose noise stays in the rig."""
-_FAR = 0.02
-"""An inverse distance below this counts as 0: directions differ by a degree."""
-_SPREAD = 8.0
-"""Strengths that differ by more are not accepted: domes have factors of 2 to 5. On metal, which
-shows most lamps as black, wrong ones of 10 and more predict better by chance."""
-_VAST = 0.8
-"""Unless the trimmed error falls by this share, which false strengths do not reach."""
 _WIDER = 1.25
 """Factor by which the last steps, from more pixels, may widen a spread that was accepted."""
+_LOBES = 2
+"""Of each pixel, where what is accepted is judged once more and strengths are found by medians."""
 _LAST = 0.02
 """First step of the last search for distances."""
-_MIRRORED = 0.5
-"""Share of the fall that a rig of the opposite sign may reach."""
-_NONE = "the photographs show none"
 _FEWEST_PIXELS = 32
 """A few pixels, each with unknowns of its own, take a wrong rig as well as the right one."""
 _RING = 0.1
@@ -86,10 +74,13 @@ def refine_rig(
     distances behind the painting) does not gain half as much; the least is half of the longer side.
     A camera's distance is judged again without the lamps' where that is not accepted. Errors below
     twice those of rounding fall for wrong reasons: there, strengths and a camera's distance need a
-    fall by 20 %. What is not accepted stays as given, and all does unless photographs of other
-    folds are predicted better by more than a standard error. Surfaces are under a varnish where
-    that predicts better; on metal their lobes have a shape in common that the photographs tell. One
-    ring of lamps, and less than 32 pixels, tell nothing.
+    fall by 20 %. Numbers that fail one by one are accepted together if the error falls by 2 % for
+    each of them and the gain exceeds three standard errors, with the same conditions on distances.
+    What is not accepted stays as given, and all does unless photographs of other folds are
+    predicted better by more than a standard error. Strengths that are accepted go through the
+    rounds of medians of :func:`fit_strengths` where these predict better. Surfaces are under a
+    varnish where that predicts better; on metal their lobes have a shape in common that the
+    photographs tell. One ring of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
@@ -201,14 +192,8 @@ def refined(
         return stack  # no pixel can be fitted, as the statuses of the fit will say
 
 
-class _Decision(RigSearch):
+class _Decision(Elimination):
     """What of a rig is accepted."""
-
-    def _hypothesis(
-        self, starts: Sequence[RigNumbers], free: NDArray[np.bool_], strengths: Kind
-    ) -> Hypothesis:
-        """A hypothesis with the surfaces at hand."""
-        return Hypothesis(tuple(starts), free, strengths, self._test)
 
     def rig(self) -> Rig:
         """The refined rig."""
@@ -233,150 +218,29 @@ class _Decision(RigSearch):
         trim = self.errors(nothing).trim
         if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
-        first = self.searched()
-        self._test, state, kind = first.test, first.state, first.kind
-        best = state
-        state, free, reasons = self._places(state, kind)
-        strengths, left = self._lamps(state, free, kind)
-        dropped = kind != "given" and left.kind == "given"
-        self._test, state, kind = left.test, left.state, left.kind
-        if dropped:  # what was accepted beside strengths may mean nothing without them
-            best = self.adjusted(self._hypothesis([state, nothing], self._free, kind))
-            state, free, reasons = self._places(best, kind)
-        state, free = self._final(state, accepted := free, kind)
-        for axis in np.flatnonzero(accepted & ~free).tolist():
-            reasons[axis] = _NONE
+        found = self.searched()
+        left = self.eliminated(chosen(found, self._test.rounded))
+        left = self.together(whole(found, self._test.rounded), left)
+        self._test = left.test
+        state, free = self._final(left.state, left.free, left.kind)
+        reasons = [
+            NONE if before and not after else why
+            for before, after, why in zip(left.free, free, left.reasons, strict=True)
+        ]
         total = self._total(state)
-        if total.gain <= total.scatter and (free.any() or kind != "given"):
+        if total.gain <= total.scatter and (free.any() or left.kind != "given"):
             return self._untouched(f"no better for lobes as they are fitted: {total}")
         camera, lamps = (
-            Estimate(_distance(state if taken else best, axis), bool(taken), reasons[axis])
+            Estimate(_distance(state if taken else left.best, axis), bool(taken), reasons[axis])
             for axis, taken in enumerate(free)
         )
+        strengths = left.strengths
         if strengths.accepted:
             strengths = replace(strengths, found=state.spread)
-        found = (camera, lamps, strengths, self._half, total.gain, total.scatter)
-        report = RigRefinement(*found, _open(kind), self._in_mm)
-        untouched = not free.any() and kind == "given"
+        estimates = (camera, lamps, strengths, self._half, total.gain, total.scatter)
+        report = RigRefinement(*estimates, _open(left.kind), self._in_mm)
+        untouched = not free.any() and left.kind == "given"
         return Rig(self._stack.rig if untouched else self.at(state), refinement=report)
-
-    def _places(
-        self, state: RigNumbers, kind: Kind
-    ) -> tuple[RigNumbers, NDArray[np.bool_], list[str]]:
-        """The numbers without the distances that are not accepted, which those are, and why."""
-        free, reasons, first = self._free.copy(), list(self._why), state
-        for axis in np.flatnonzero(self._free).tolist():
-            others = free.copy()
-            others[axis] = False
-            free[axis], reasons[axis], without = self._compared(axis, state, others, kind)
-            if not free[axis]:
-                self._test, state = without.test, without.state
-        if self._free.all() and not free[1]:
-            # A camera was judged beside near lamps, which may have given it its sense or taken it.
-            alone, nothing = np.array([True, False]), np.zeros(2, np.bool_)
-            near = state
-            if not free[0]:
-                near = self.adjusted(self._hypothesis([state, first], alone, kind))
-            free[0], reasons[0], without = self._compared(0, near, nothing, kind)
-            if free[0]:
-                state = near
-            else:
-                self._test, state = without.test, without.state
-        return *_near(state, free), reasons
-
-    def _compared(
-        self, axis: int, state: RigNumbers, others: NDArray[np.bool_], kind: Kind
-    ) -> tuple[bool, str, Found]:
-        """Whether a distance is accepted beside ``others``, why, and the best without it."""
-        hypothesis = self._hypothesis([state, self.even()], others, kind)
-        # Surfaces of the other kind may make up for the distance.
-        otherwise = replace(hypothesis, test=hypothesis.test.otherwise())
-        ahead = [otherwise] if self._shows(axis, state)[0] else []
-        (without,), other = self.all_found([hypothesis], ahead)
-        accepted, why = self._judge(axis, state, without.state)
-        if accepted:
-            rival = other[0] or self.found(otherwise)
-            gain = self.errors(state).than(rival.errors)
-            if not convincing(gain):
-                return False, f"no better: {gain}", rival
-        return accepted, why, without
-
-    def _shows(self, axis: int, state: RigNumbers) -> tuple[bool, str]:
-        """Whether a distance is one that may be accepted, and why not."""
-        if state.place[axis] < _FAR:
-            return False, _NONE
-        if state.place[axis] >= NEAREST:
-            return False, f"it would be nearer than {1.0 / NEAREST:g} half-sides"
-        return True, ""
-
-    def _judge(self, axis: int, state: RigNumbers, without: RigNumbers) -> tuple[bool, str]:
-        """Whether a distance is accepted against the best rig without it, and why."""
-        shown, why = self._shows(axis, state)
-        if not shown:
-            return False, why
-        gain = self.gain(state, without)
-        if not convincing(gain):
-            return False, f"no better: {gain}"
-        folds = [
-            self.errors(state).fold(one, self._folds)
-            < (1.0 - 0.5 * FALL) * self.errors(without).fold(one, self._folds)
-            for one in range(self._folds)
-        ]
-        if not (all(folds) and self._agree(state, axis)):
-            return False, f"parts of the photographs disagree: {gain}"
-        rounded = gain.trim_before <= COARSE * self._test.rounded
-        if axis == 0 and rounded and gain.fall < MUCH:
-            return False, f"errors of {gain.trim_before:.2f} codes are too small to show one"
-        rotated, nowhere = self._test.rotated(), replace(state, place=np.zeros(2))
-        near, far = wait_for_each(
-            lambda one: rotated.errors(self.at(one), self._folds), [state, nowhere], self._count
-        )
-        mirrored = near.than(far)
-        if mirrored.fall > _MIRRORED * self.gain(state, nowhere).fall:
-            return False, f"the opposite sign does as well: {mirrored}"
-        return True, str(gain)
-
-    def _agree(self, state: RigNumbers, axis: int) -> bool:
-        """Whether the best distance of each fold, along one axis, is next to that of both."""
-        places = []
-        for node in [*NODES, state.place[axis]]:
-            place = state.place.copy()
-            place[axis] = node
-            places.append(place)
-        found = self.each([replace(state, place=place) for place in places], self._test)
-        for fold in range(self._folds):
-            alone = places[int(np.argmin([one.fold(fold, self._folds) for one in found]))]
-            if abs(alone[axis] - state.place[axis]) > NODES[1]:
-                return False
-        return True
-
-    def _lamps(
-        self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
-    ) -> tuple[Estimate, Found]:
-        """Whether strengths are accepted beside the distances that are left, and what follows."""
-        test = self._test
-        uneven = self._with(state, kind, test)
-        if not self._strengths:
-            return Estimate(1.0, False, "not estimated"), uneven
-        hypothesis = self._hypothesis([state, self.even()], free, "given")
-        if kind == "given":
-            even = self.found(hypothesis)
-            trial = self.adjusted(self._hypothesis([even.state], free, "held"))
-            return Estimate(trial.spread, False, str(self.gain(trial, even.state))), even
-        every = [replace(hypothesis, test=one) for one in (test, test.otherwise())]
-        if kind == "free":
-            every += [replace(one, strengths="held") for one in every]
-        even, other, *held = self.all_found(every)[0]
-        rivals = [even, other, uneven, *held]
-        left = chosen(rivals, self._test.rounded)
-        even = min(rivals[:2], key=suited(even))
-        if left.kind == "given":
-            return Estimate(state.spread, False, str(uneven.errors.than(even.errors))), even
-        gain, spread = left.errors.than(even.errors), left.state.spread
-        if spread > _SPREAD and gain.fall < _VAST:
-            why = f"they would differ by a factor of {spread:.0f}, more than lamps do"
-            return Estimate(spread, False, why), even
-        return Estimate(spread, True, str(gain)), left
 
     def _final(
         self, state: RigNumbers, free: NDArray[np.bool_], kind: Kind
@@ -412,14 +276,42 @@ class _Decision(RigSearch):
             found = replace(found, place=place)
         else:
             after = trim(found.place)
-        wild = found.spread > max(_SPREAD, _WIDER * state.spread)
-        return _near(found if after <= before and not wild else state, free)
+        if after <= before and not self._wild(found, state):
+            state = found
+        if kind != "given":
+            state = self._by_medians(state, kind, many)
+        return without_far(state, free)
+
+    def _by_medians(self, state: RigNumbers, kind: Kind, many: HeldOut) -> RigNumbers:
+        """The numbers with strengths by rounds of medians, where these predict better.
+
+        They do where one lobe does not describe the highlights, which bend strengths: medians of
+        what two lobes leave are bent less.
+        """
+        medians = Medians(many, self.at(replace(state, log=0.0 * state.log)), _LOBES, self._threads)
+        try:
+            rounds = medians.rounds(state.log, ROUNDS, self._tick, held=kind == "held")
+        except ArgumentError:
+            return state  # two lobes fit too few pixels, or too few lamps show any
+        moved = replace(state, log=np.where(rounds.known, rounds.log, state.log))
+        if self._wild(moved, state):
+            return state
+        after, before = wait_for_each(
+            lambda one: self._test.errors(self.at(one), self._folds, _LOBES),
+            [moved, state],
+            self._count,
+        )
+        return moved if after.than(before).fall > HELPS else state
+
+    def _wild(self, found: RigNumbers, accepted: RigNumbers) -> bool:
+        """Whether strengths differ by much more than those that were accepted."""
+        return found.spread > max(SPREAD, _WIDER * accepted.spread)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""
         rigs, folds = (self.at(state), self._given), self._folds + 1
         after, before = wait_for_each(
-            lambda rig: self._test.errors(rig, folds, 2), rigs, self._count
+            lambda rig: self._test.errors(rig, folds, _LOBES), rigs, self._count
         )
         return after.than(before)
 
@@ -436,15 +328,9 @@ class _Decision(RigSearch):
         return Rig(self._stack.rig, refinement=report)
 
 
-def _near(state: RigNumbers, free: NDArray[np.bool_]) -> tuple[RigNumbers, NDArray[np.bool_]]:
-    """The numbers without distances that are none, and which of the free ones are left."""
-    near = free & (state.place >= _FAR)
-    return replace(state, place=np.where(near, state.place, 0.0)), near
-
-
 def _distance(state: RigNumbers, axis: int) -> float:
     place = state.place
-    return 1.0 / float(place[axis]) if place[axis] >= _FAR else math.inf
+    return 1.0 / float(place[axis]) if place[axis] >= FAR else math.inf
 
 
 def _open(strengths: Kind) -> tuple[str, ...]:

@@ -223,18 +223,19 @@ class RigSearch:
             return [even]
         return [even, third or self.found(held), free]
 
-    def searched(self) -> Found:
-        """The best numbers, with surfaces that suit them: under a varnish or not.
+    def searched(self) -> list[Found]:
+        """The best numbers under hypotheses with all of them free, those as given first.
 
         Strengths can stand for what a varnish keeps back, and distances for both. Uneven strengths
-        must therefore predict better than even ones with either kind of surface.
+        must therefore predict better than even ones with either kind of surface, under a varnish
+        or not.
         """
         first, other = self._test, self._test.otherwise()
         found = self.explained(first)
         start = chosen(found, first.rounded).state
         # Where lobes of the wrong shape lead may be far from the rig that the right ones show.
         found += self.explained(other, None if other.surfaces == "shaped" else start)
-        return chosen(found, first.rounded)
+        return found
 
 
 def _rigs(given: Rig, half: float, falloff: bool) -> Callable[[RigNumbers], Rig]:

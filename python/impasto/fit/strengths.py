@@ -22,7 +22,7 @@ from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.held_out import Comparison, HeldOut, fold_count
 from impasto.fit.lobes import lobe_count
 from impasto.fit.rig_acceptance import Found, chosen, strengths_differ, suited
-from impasto.fit.strength_search import FEWEST, ROUNDS, Medians, Rounds, scaled
+from impasto.fit.strength_search import FEWEST, HELPS, ROUNDS, Medians, Rounds, scaled
 from impasto.rig import Light, Rig
 from impasto.stack import Stack, checked_stack
 
@@ -32,10 +32,6 @@ Gauge = Literal["auto", "held", "free"]
 _PIXELS, _MANY_PIXELS = 576, 2304
 """The samples: of bundle adjustment and test, and of the medians."""
 _FOLDS = 3
-_HELPS = 0.01
-"""Share by which rounds of medians must lower the trimmed error: on a gilded icon they do by 4 to
-9 %, on simulated paintings with a free gauge by 0.6 % at most (``python
-benches/python/strength_errors.py``), while strengths drift along what is not determined."""
 _PLACED = np.zeros(2, dtype=np.bool_)
 """No distance is free."""
 _CHANGED, _FEW = 0.01, 0.1
@@ -338,7 +334,7 @@ class _Search:
             self._judged(state, kind, self._test)
             for state in (start, RigNumbers(start.place, rounds.log))
         )
-        helped = not self._folds or after.errors.than(before.errors).fall > _HELPS
+        helped = not self._folds or after.errors.than(before.errors).fall > HELPS
         return _Candidate(after if helped else before, rounds)
 
     def accepted(self) -> tuple[_Candidate | None, Comparison | None]:
