@@ -78,9 +78,9 @@ def refine_rig(
     each of them and the gain exceeds three standard errors, with the same conditions on distances.
     What is not accepted stays as given, and all does unless photographs of other folds are
     predicted better by more than a standard error. Strengths that are accepted go through the
-    rounds of medians of :func:`fit_strengths` where these predict better, but on metal. Surfaces are under a
-    varnish where that predicts better; on metal their lobes have a shape in common that the
-    photographs tell. One ring of lamps, and less than 32 pixels, tell nothing.
+    rounds of medians of :func:`fit_strengths` where these predict better, but on metal. Surfaces
+    are under a varnish where that predicts better; on metal their lobes have a shape in common that
+    the photographs tell. One ring of lamps, and less than 32 pixels, tell nothing.
 
     Parameters
     ----------
