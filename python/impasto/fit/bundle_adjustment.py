@@ -218,13 +218,20 @@ class BundleAdjustment:
         numbers = places + len(state.log) * lamps
         matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
         squares, kept = 0.0, np.zeros(len(state.log), np.int64)
-        for fold, found in enumerate(surfaces):
-            held = _photographs(len(state.log), fold, len(surfaces))
+
+        def of(fold: int) -> tuple[Array, Array, float, NDArray[np.intp]]:
+            held, found = _photographs(len(state.log), fold, len(surfaces)), surfaces[fold]
             errors, slopes = self._samples(state, found, held)
             product, by_error = self._equations(state, found, axes, lamps, errors, slopes, held)
+            used = np.where(held, np.count_nonzero(slopes, axis=(1, 2, 3)), 0)
+            return product, by_error, float((errors[held] ** 2).sum()), used
+
+        folds = range(len(surfaces))
+        for product, by_error, square, used in wait_for_each(
+            of, folds, thread_count(self._threads)
+        ):
             matrix, right = matrix + product, right + by_error
-            squares += float((errors[held] ** 2).sum())
-            kept[held] += np.count_nonzero(slopes[held], axis=(1, 2, 3))
+            squares, kept = squares + square, kept + used
         squared = np.diag(matrix)[places:]
         determined = np.ones(len(state.log), np.bool_)
         if lamps:

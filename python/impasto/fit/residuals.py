@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,11 +22,11 @@ from impasto._internal.border import RigArguments, StackArguments
 from impasto._internal.calls import thread_count
 from impasto._internal.hull import into_hull
 from impasto._internal.thin_plate import stereographic
-from impasto._internal.waiting import wait_for
+from impasto._internal.waiting import wait_for, wait_for_each
 from impasto.encoding import Encoding
 from impasto.errors import GeometryError
 from impasto.fit.choice import MARGIN, PIXELS, PROCESSES, psnr
-from impasto.fit.cross_validation import FEWEST, folds_of, full_scale
+from impasto.fit.cross_validation import FEWEST, Fold, folds_of, full_scale
 from impasto.fit.saved import over
 from impasto.fit.subsample import subsampled_to
 from impasto.io.results import SavedMaps
@@ -65,6 +66,8 @@ curve itself."""
 Helped: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], float, bool]
 """A photograph, how each component contributes to it, its full scale, and whether what no model
 shows is interpolated."""
+Setting: TypeAlias = tuple[float, float, int]
+"""Length, noise and number of components."""
 Fit = Callable[[Stack], Any]
 """Fits photographs and returns a result that can ``predict`` others."""
 
@@ -221,8 +224,8 @@ def learn_residuals(
     if all(np.isnan(fold.compared).all() for fold in folds):
         return None
     top, ceiling = full_light(part), part.ceiling[:, None, None]
-    gains: dict[tuple[float, float, int], list[NDArray[np.float64]]] = {}
-    for fold in folds:
+
+    def gains_of(fold: Fold) -> dict[Setting, NDArray[np.float64]]:
         result = fit(fold.known)
         units, compared = top * fold.rig.intensities, fold.compared
         limit = _coded_by(np.broadcast_to(ceiling, compared.shape), units)
@@ -230,23 +233,30 @@ def learn_residuals(
         real = np.minimum(_coded_by(compared, units), limit)
         real[np.isnan(compared)] = np.nan
         alone = psnr(np.minimum(model, limit), real)
-        shown = result.predict(fold.known.rig, threads=threads)
-        residual = _residual_codes(fold.known, result, shown, top, threads)
-        basis = principal_components(residual)
+        basis, residual = components_of(fold.known, result)
         scores = np.tensordot(basis, residual, axes=1)
         places = stereographic(fold.known.rig.directions), stereographic(fold.rig.directions)
+        gains: dict[Setting, NDArray[np.float64]] = {}
         for length, noise in itertools.product(LENGTHS, NOISES):
             process = LearnedResiduals(basis, length, noise, top, 0.0)
             weights = kriging_weights(*places, process) @ basis.T
             for count in COMPONENTS:
                 change = np.tensordot(weights[:, :count], scores[:count], axes=1)
                 better = psnr(np.clip(model + change, 0.0, limit), real) - alone
-                gains.setdefault((length, noise, count), []).append(better)
-    every = {setting: np.concatenate(each) for setting, each in gains.items()}
-    whole = fit(part)
-    shown = whole.predict(part.rig, threads=threads)
-    residual = _residual_codes(part, whole, shown, top, threads)
-    basis = principal_components(residual)
+                gains[length, noise, count] = better
+        return gains
+
+    def components_of(known: Stack, result: Any) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        shown = result.predict(known.rig, threads=threads)
+        residual = _residual_codes(known, result, shown, top, threads)
+        return principal_components(residual), residual
+
+    count = thread_count(threads)
+    # The fit to all photographs is one more step beside those of the folds.
+    steps: list[Callable[[], Any]] = [lambda: components_of(part, fit(part))]
+    steps += [partial(gains_of, fold) for fold in folds]
+    (basis, residual), *each = wait_for_each(lambda step: step(), steps, count)
+    every = {setting: np.concatenate([one[setting] for one in each]) for setting in each[0]}
     setting = _best(every, _enough(residual, basis))
     gain, scatter = float(every[setting].mean()), float(every[setting].std())
     if gain <= max(MARGIN, scatter / np.sqrt(len(every[setting]))):
@@ -255,9 +265,7 @@ def learn_residuals(
     return LearnedResiduals(basis[:count], length, noise, top, gain)
 
 
-def _best(
-    gains: dict[tuple[float, float, int], NDArray[np.float64]], enough: int
-) -> tuple[float, float, int]:
+def _best(gains: dict[Setting, NDArray[np.float64]], enough: int) -> Setting:
     """The best length and noise, and the most components that do about as well as the best number.
 
     Fits to some of the photographs are worse than the fit to all, and hide what the last components
