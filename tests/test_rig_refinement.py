@@ -15,7 +15,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, DistantLight, PointLight, PointView, Rig
-from impasto.fit import rig_refinement, rig_search
+from impasto.fit import rig_elimination, rig_refinement, rig_search
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import HeldOut
 from impasto.fit.subsample import subsampled, subsampled_to
@@ -232,7 +232,7 @@ def test_what_is_very_near_is_found(camera: float, lamps: float) -> None:
 
 
 def test_what_reaches_the_bound_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (rig_search, rig_refinement):
+    for module in (rig_search, rig_elimination, rig_refinement):
         monkeypatch.setattr(module, "NEAREST", 0.25)  # the camera is at 1 / 3
     _, stack, _ = photographs(3.0, math.inf)
     report = impasto.refine_rig(stack, lamps=False, strengths=False).refinement

@@ -4,7 +4,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock, TryLockError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+#[cfg(not(feature = "operations"))]
+use std::time::Instant;
 
 use pyo3::prelude::*;
 
@@ -26,6 +28,9 @@ const ADDRESSES: usize = STACK + (64 << 20);
 
 /// The instruction set: the best there is, or a narrower one named by `IMPASTO_SIMD`.
 pub(crate) fn level() -> Level {
+    if cfg!(feature = "operations") {
+        return Level::Baseline;
+    }
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(|| {
         #[allow(clippy::disallowed_methods, reason = "the border is where the environment is read")]
@@ -50,7 +55,7 @@ pub(crate) fn call<A: Send>(
     check_room::<u8>(ADDRESSES).map_err(|error| errors::to_python(py, &error))?;
     let pool = pool(threads);
     let cancel = AtomicBool::new(false);
-    let tally = Progress::timed(nanoseconds);
+    let tally = Progress::timed(spent);
     let mut interruption = None;
     let outcome = py.detach(|| {
         std::thread::scope(|scope| {
@@ -93,8 +98,13 @@ pub(crate) fn call<A: Send>(
     }
 }
 
-/// Nanoseconds since the first call.
-fn nanoseconds() -> u64 {
+/// What a pass spends: operations.
+#[cfg(feature = "operations")]
+use impasto::math::lanes::operations as spent;
+
+/// What a pass spends: nanoseconds, since the first call.
+#[cfg(not(feature = "operations"))]
+fn spent() -> u64 {
     static BEGIN: OnceLock<Instant> = OnceLock::new();
     #[allow(clippy::disallowed_methods, reason = "the border is where the clock is read")]
     let now = Instant::now();

@@ -29,6 +29,11 @@ pub trait Batch<S: Scalar, const N: usize> {
     /// Writes one problem's numbers to its column and returns the parameters to start from.
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N];
 
+    /// Writes what [`load`](Self::load) has not written of the problems that begin together, row by
+    /// row: where a number lies beside those of other problems, each line of memory is then fetched
+    /// once for all of them. The default writes nothing.
+    fn load_rows(&mut self, _columns: &mut Columns<'_, S>) {}
+
     /// Number of samples of a problem, by whose root [`Options::offset`] is divided; not asked for where
     /// that is 0. The default, 1, leaves it a share of the residuals' length.
     fn samples(&self, _problem: usize) -> usize {
@@ -106,6 +111,59 @@ impl<S: Scalar> Column<'_, S> {
     ) {
         for (row, value) in block.as_chunks_mut::<WIDTH>().0.iter_mut().zip(values) {
             put(&mut row[lane % WIDTH], value);
+        }
+    }
+}
+
+/// The memory of the problems that begin together: some lanes of the block.
+#[derive(Debug)]
+pub struct Columns<'a, S> {
+    block: &'a mut [S],
+    /// Lanes and their problems.
+    lanes: &'a [(usize, usize)],
+    width: usize,
+}
+
+impl<S: Scalar> Columns<'_, S> {
+    /// Sets the numbers of all these problems from a row on, by the items of an iterator: one for
+    /// each row, of which `number` takes that of a problem.
+    ///
+    /// # Panics
+    /// If the row lies beyond the end.
+    #[inline(always)]
+    pub fn fill_from<T>(
+        &mut self,
+        row: usize,
+        items: impl IntoIterator<Item = T>,
+        number: impl Fn(&T, usize) -> S,
+    ) {
+        let block = &mut self.block[row * self.width..];
+        match self.width {
+            16 => Self::fill_rows::<16, T>(block, self.lanes, items, number),
+            8 => Self::fill_rows::<8, T>(block, self.lanes, items, number),
+            4 => Self::fill_rows::<4, T>(block, self.lanes, items, number),
+            width => {
+                for (row, item) in block.chunks_exact_mut(width).zip(items) {
+                    for &(lane, problem) in self.lanes {
+                        row[lane] = number(&item, problem);
+                    }
+                }
+            }
+        }
+    }
+
+    /// [`fill_from`](Self::fill_from) where the compiler knows the width, and that lanes lie within.
+    #[inline(always)]
+    fn fill_rows<const WIDTH: usize, T>(
+        block: &mut [S],
+        lanes: &[(usize, usize)],
+        items: impl IntoIterator<Item = T>,
+        number: impl Fn(&T, usize) -> S,
+    ) {
+        for (row, item) in block.as_chunks_mut::<WIDTH>().0.iter_mut().zip(items) {
+            for &(lane, problem) in lanes {
+                put(&mut row[lane % WIDTH], number(&item, problem));
+            }
         }
     }
 }
@@ -260,6 +318,7 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
         let mut starts = [[S::zero(); MAX_LANES]; N];
         let mut fresh = [S::zero(); MAX_LANES];
         let mut samples = [S::one(); MAX_LANES];
+        let (mut begun, mut count) = ([(0, 0); MAX_LANES], 0);
         let mut ended = outcomes.ended(R::WIDTH);
         while ended != 0 {
             let lane = ended.trailing_zeros() as usize % MAX_LANES;
@@ -279,7 +338,13 @@ impl<S: Scalar, R: Real<Scalar = S>, const N: usize> Group<S, R, N> {
                 for (starts, start) in starts.iter_mut().zip(start) {
                     starts[lane] = start;
                 }
+                begun[count] = (lane, problem);
+                count += 1;
             }
+        }
+        if count > 0 {
+            let lanes = &begun[..count];
+            batch.load_rows(&mut Columns { block, lanes, width: R::WIDTH });
         }
         let mut start = [R::zero(); N];
         for (start, starts) in start.iter_mut().zip(&starts) {

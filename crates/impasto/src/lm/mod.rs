@@ -180,7 +180,7 @@ mod outcome;
 mod polish;
 mod search;
 
-pub use batch::{Batch, Column, Occupancy, Rows, fit};
+pub use batch::{Batch, Column, Columns, Occupancy, Rows, fit};
 pub use cholesky::{Factor, factor};
 pub use minimise::{Problem, minimise};
 pub use normal::{Normal, ROWS};

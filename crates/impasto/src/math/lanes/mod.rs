@@ -16,11 +16,15 @@
     allow(unreachable_pub, reason = "public where it is the baseline; here for its tests")
 )]
 mod array;
+#[cfg(feature = "operations")]
+mod counted;
 mod kernel;
 mod pair;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+#[cfg(feature = "operations")]
+pub use counted::{Counted, operations};
 pub use kernel::{Element, Isa, Kernel};
 pub use pair::Pair;
 
@@ -128,13 +132,19 @@ impl Level {
 #[derive(Clone, Copy, Debug)]
 pub struct Baseline;
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", not(feature = "operations")))]
 impl Isa for Baseline {
     type F32 = f32;
     type F64 = f64;
 }
 
-#[cfg(not(target_arch = "x86_64"))]
+#[cfg(feature = "operations")]
+impl Isa for Baseline {
+    type F32 = Counted<f32>;
+    type F64 = Counted<f64>;
+}
+
+#[cfg(not(any(target_arch = "x86_64", feature = "operations")))]
 impl Isa for Baseline {
     type F32 = array::Array<f32, 4>;
     type F64 = array::Array<f64, 2>;

@@ -3,7 +3,9 @@
 
 use core::cell::RefCell;
 
-use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Reason, Rows, fit};
+use crate::lm::{
+    Batch, Bounds, Column, Columns, Normal, Occupancy, Options, Outcome, Reason, Rows, fit,
+};
 use crate::math::lanes::Isa;
 use crate::math::{Element, Kernel, Level, Real, Scalar, Vec3};
 
@@ -14,7 +16,7 @@ use super::normal_equations::{
 use super::options::LobeOptions;
 use super::photographs::Photographs;
 use super::prior::ShapePrior;
-use super::tile::{Estimate, STRIDE, TileSamples};
+use super::tile::{Estimate, STRIDE, TILE, TileSamples};
 
 /// Searches in single precision end where the next step would be shorter, in standard deviations: what is
 /// left out adds half a per cent to the errors that noise makes.
@@ -210,8 +212,6 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
         let Estimate { normal: [nx, ny, nz], shapes, .. } = self.starts[pixel];
         let planes = self.samples.planes();
         let rest = [nx, ny, nz, self.x[pixel], self.y[pixel]];
-        column.fill(self.samples.column(pixel).map(number));
-        column.fill_from(planes, self.samples.weights_of(pixel).map(number));
         column.fill_from(2 * planes, rest.map(number));
         let typical = (2..N).flat_map(|unknown| self.typical(pixel, unknown));
         column.fill_from(2 * planes + rest.len(), typical.map(number));
@@ -219,6 +219,14 @@ impl<S: Element, M: LobeEstimation, const J: usize, const K: usize, const N: usi
             0 | 1 => S::zero(),
             _ => number(shapes[(unknown - 2) / M::SHAPES][(unknown - 2) % M::SHAPES]),
         })
+    }
+
+    fn load_rows(&mut self, columns: &mut Columns<'_, S>) {
+        let TileSamples { samples, weights, .. } = self.samples;
+        for (row, values) in [(0, samples), (self.samples.planes(), weights)] {
+            let planes = values.as_chunks::<STRIDE>().0;
+            columns.fill_from(row, planes, |plane, pixel| number(plane[pixel % TILE]));
+        }
     }
 
     #[inline(always)]

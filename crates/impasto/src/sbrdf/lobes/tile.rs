@@ -163,11 +163,6 @@ impl TileSamples {
         self.samples.len() / STRIDE
     }
 
-    /// One pixel's samples.
-    pub(super) fn column(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        self.samples.as_chunks::<STRIDE>().0.iter().map(move |plane| plane[pixel % TILE])
-    }
-
     /// The mean of the bands of a pixel's photograph, and its weight; both 0 where a band does not
     /// count or is a bound.
     pub(super) fn mean(&self, photograph: usize, pixel: usize) -> [f64; 2] {
@@ -198,11 +193,6 @@ impl TileSamples {
         let dark = diffuse.gt(sample) & weight.gt(R::zero());
         let lit = R::select(dark, share * share * share, R::one());
         (weight * lit).store(&mut self.weights[plane * STRIDE + at..]);
-    }
-
-    /// One pixel's weights.
-    pub(super) fn weights_of(&self, pixel: usize) -> impl Iterator<Item = f32> {
-        self.weights.as_chunks::<STRIDE>().0.iter().map(move |plane| plane[pixel % TILE])
     }
 }
 

@@ -14,6 +14,8 @@ pub(super) struct Shown<R> {
     all: Vec<R>,
     /// Its diffuse part.
     diffuse: Vec<R>,
+    /// What [`Self::left`] found: residuals in units of the noise, 0 of bounds that are satisfied.
+    far: Vec<R>,
     /// Sum of the samples that count, and their number.
     light: R,
     used: R,
@@ -32,7 +34,8 @@ pub(super) struct Left<R> {
 impl<R: Real<Scalar = f32>> Shown<R> {
     pub(super) fn new(planes: usize) -> Self {
         let zero = R::zero();
-        Self { all: vec![zero; planes], diffuse: vec![zero; planes], light: zero, used: zero }
+        let [all, diffuse, far] = [(); 3].map(|()| vec![zero; planes]);
+        Self { all, diffuse, far, light: zero, used: zero }
     }
 
     /// Forgets which samples count.
@@ -71,17 +74,20 @@ impl<R: Real<Scalar = f32>> Shown<R> {
 
     /// What is left under the present weights.
     #[inline(always)]
-    pub(super) fn left(&self, samples: &TileSamples, at: usize) -> Left<R> {
+    pub(super) fn left(&mut self, samples: &TileSamples, at: usize) -> Left<R> {
         let (zero, unit) = (R::zero(), self.unit());
         let mut left = Left { plain: zero, weighted: zero, absolute: zero };
         for plane in 0..self.all.len() {
             let shown = self.all[plane];
             let (sample, weight) = samples.at::<R>(plane, at);
+            let far = (sample - shown) / noise(shown * unit).sqrt();
+            self.far[plane] = R::select(weight.lt(zero), far.max(zero), far);
             let weight = weight_at(weight, sample, shown);
-            let residual = R::keep(weight.gt(zero), sample - shown);
+            let counts = weight.gt(zero);
+            let residual = R::keep(counts, sample - shown);
             left.plain = residual.mul_add(residual, left.plain);
             left.weighted = (weight * residual).mul_add(residual, left.weighted);
-            left.absolute = left.absolute + residual.abs() / noise(shown * unit).sqrt();
+            left.absolute = left.absolute + R::keep(counts, far.abs());
         }
         left
     }
@@ -98,8 +104,8 @@ impl<R: Real<Scalar = f32>> Shown<R> {
         left.weighted / self.used()
     }
 
-    /// Renews the weights of the pixels in the mask by the residuals; returns the weighted mean square
-    /// of these.
+    /// Renews the weights of the pixels in the mask by what is `left`; returns the weighted mean
+    /// square of the residuals.
     #[inline(always)]
     pub(super) fn renew(
         &self,
@@ -119,7 +125,8 @@ impl<R: Real<Scalar = f32>> Shown<R> {
             let known = bound | weight.gt(zero);
             // A bound that is satisfied has no residual.
             let sample = R::select(bound, sample.max(shown), sample);
-            let fresh = sample_weight(sample, [shown, diffuse], noise(shown * unit), bend);
+            let far = self.far[plane] * bend;
+            let fresh = sample_weight(sample, diffuse, noise(shown * unit), far);
             let fresh = R::keep(known, fresh);
             let signed = R::select(bound, -fresh, fresh);
             R::select(chosen, signed, weight).store(&mut samples.weights[plane * STRIDE + at..]);
@@ -146,15 +153,16 @@ fn noise<R: Real>(shown: R) -> R {
     shown.max(R::of(FLOOR))
 }
 
-/// Weight of a sample, from the predicted sample and its diffuse part: one over its variance, and
-/// less for residuals beyond the mean absolute one (one over `bend`, in standard deviations).
+/// Weight of a sample, from the predicted diffuse part: one over its variance, and less for residuals
+/// `far` beyond the mean absolute one, in its units.
 #[inline(always)]
-fn sample_weight<R: Real>(sample: R, [shown, diffuse]: [R; 2], variance: R, bend: R) -> R {
-    let far = (sample - shown) / variance.sqrt() * bend;
+fn sample_weight<R: Real>(sample: R, diffuse: R, variance: R, far: R) -> R {
     // Large residuals enter the cost by their size, not by its square.
     let tail = far.mul_add(far, R::one());
     let weight = (tail.sqrt() * variance).recip();
-    // A sample darker than the diffuse part alone is in shadow (hard case 24).
-    let lit = (sample / diffuse).max(tail.recip());
+    // A sample darker than the diffuse part alone is in shadow (hard case 24): the larger of
+    // sample / diffuse and 1 / tail, by one division.
+    let by_light = (sample * tail).gt(diffuse);
+    let lit = R::select(by_light, sample, R::one()) / R::select(by_light, diffuse, tail);
     R::select(diffuse.gt(sample), weight * lit * lit, weight)
 }
