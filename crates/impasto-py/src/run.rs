@@ -28,11 +28,11 @@ const ADDRESSES: usize = STACK + (64 << 20);
 
 /// The instruction set: the best there is, or a narrower one named by `IMPASTO_SIMD`.
 pub(crate) fn level() -> Level {
-    if cfg!(feature = "operations") {
-        return Level::Baseline;
-    }
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(|| {
+        if cfg!(feature = "operations") {
+            return Level::Baseline; // its numbers count
+        }
         #[allow(clippy::disallowed_methods, reason = "the border is where the environment is read")]
         let requested = std::env::var("IMPASTO_SIMD").unwrap_or_default();
         Level::ALL

@@ -72,6 +72,8 @@ pub struct Glint<R: Real> {
     pub weight: R,
     /// Squared angle between normal and half vector, rad^2.
     pub phi_squared: R,
+    /// `1 / (N.V)`.
+    pub open: R,
 }
 
 /// Derivatives of [`Glint::value`] where the surface faces light and view, else 0.
@@ -124,6 +126,7 @@ impl<R: Real> Facet<R> {
         Glint {
             weight: R::keep(faces, self.fresnel * attenuation),
             phi_squared: phi_squared(chord * R::of(0.5)),
+            open,
         }
     }
 
@@ -150,9 +153,7 @@ impl<R: Real> Facet<R> {
         sharpness: R,
     ) -> Gradient<R> {
         let value = beta * glint.weight * lobe;
-        let (n_l, n_v) = (normal.dot(self.light), normal.dot(self.view));
-        let n_h = normal.dot(self.half);
-        let open = n_v.recip();
+        let (n_l, n_h, open) = (normal.dot(self.light), normal.dot(self.half), glint.open);
         let masked = self.twice_over_v_h * n_h;
         let shadowed = masked * n_l * open;
         // d log(G / N.V) / dN of each branch, as multiples of V, H and L.

@@ -124,6 +124,22 @@ pub struct Columns<'a, S> {
     width: usize,
 }
 
+impl<S> Columns<'_, S> {
+    /// The same for a batch that has other numbers for these problems.
+    pub(super) fn renumbered(
+        &mut self,
+        number: impl Fn(usize) -> usize,
+        then: impl FnOnce(&mut Columns<'_, S>),
+    ) {
+        let mut lanes = [(0, 0); MAX_LANES];
+        for (other, &(lane, problem)) in lanes.iter_mut().zip(self.lanes) {
+            *other = (lane, number(problem));
+        }
+        let lanes = &lanes[..self.lanes.len()];
+        then(&mut Columns { block: self.block, lanes, width: self.width });
+    }
+}
+
 impl<S: Scalar> Columns<'_, S> {
     /// Sets the numbers of all these problems from a row on, by the items of an iterator: one for
     /// each row, of which `number` takes that of a problem.

@@ -1,6 +1,6 @@
 //! Single precision first, double precision for problems whose result is doubtful.
 
-use super::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
+use super::{Batch, Bounds, Column, Columns, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
 /// Fits in single precision, then goes on in double precision from there wherever `doubtful` is
@@ -52,6 +52,9 @@ impl<B: Batch<f32, N>, D: Fn(&Outcome<f32, N>) -> bool, const N: usize> Batch<f3
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; N] {
         self.batch.load(problem, column)
     }
+    fn load_rows(&mut self, columns: &mut Columns<'_, f32>) {
+        self.batch.load_rows(columns);
+    }
     #[inline(always)]
     fn normal<R: Real<Scalar = f32>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {
         self.batch.normal(rows, at)
@@ -92,6 +95,10 @@ impl<B: Batch<f64, N>, const N: usize> Batch<f64, N> for Second<'_, B, N> {
         let (number, place) = self.flagged[problem];
         self.batch.load(number, column);
         place.map(f64::from)
+    }
+    fn load_rows(&mut self, columns: &mut Columns<'_, f64>) {
+        let Self { batch, flagged } = self;
+        columns.renumbered(|problem| flagged[problem].0, |columns| batch.load_rows(columns));
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = f64>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {

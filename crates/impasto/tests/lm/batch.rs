@@ -1,7 +1,7 @@
 //! Lanes are closed computations: no width, order, neighbour or batch size changes a bit.
 
 use impasto::lm::{
-    Batch, Bounds, Column, Normal, Options, Outcome, Problem, ROWS, Reason, Rows, fit,
+    Batch, Bounds, Column, Columns, Normal, Options, Outcome, Problem, ROWS, Reason, Rows, fit,
     fit_polished, minimise,
 };
 use impasto::math::elementary::exp;
@@ -44,6 +44,8 @@ struct Decays<'a> {
     single: Vec<Option<Outcome<f32, 4>>>,
     double: Vec<Option<Outcome<f64, 4>>>,
     blocked: bool,
+    /// Whether samples are loaded row by row.
+    by_rows: bool,
     /// How many samples a problem says that it has.
     count: fn(usize) -> usize,
 }
@@ -52,7 +54,7 @@ impl<'a> Decays<'a> {
     fn new(samples: &'a [[f64; SAMPLES]]) -> Self {
         let count = samples.len();
         let (single, double) = (vec![None; count], vec![None; count]);
-        Self { samples, single, double, blocked: false, count: |_| 1 }
+        Self { samples, single, double, blocked: false, by_rows: false, count: |_| 1 }
     }
 }
 
@@ -70,8 +72,17 @@ macro_rules! decays {
                 (self.count)(problem)
             }
             fn load(&mut self, problem: usize, column: &mut Column<'_, $scalar>) -> [$scalar; 4] {
-                column.fill(self.samples[problem].map(<$scalar>::from_f64));
+                if !self.by_rows {
+                    column.fill(self.samples[problem].map(<$scalar>::from_f64));
+                }
                 start(&self.samples[problem])
+            }
+            fn load_rows(&mut self, columns: &mut Columns<'_, $scalar>) {
+                if self.by_rows {
+                    let samples = self.samples;
+                    let number = |row: &usize, problem: usize| samples[problem][*row] as $scalar;
+                    columns.fill_from(0, 0..SAMPLES, number);
+                }
             }
             #[inline(always)]
             fn normal<R: Real<Scalar = $scalar>>(
@@ -242,6 +253,30 @@ fn rows_added_together_have_the_bits_of_rows_added_one_by_one() {
     decays.blocked = true;
     fit(Level::detect(), &mut decays, 0..50, &bounds::<f32>(), &Options::single());
     assert_eq!(bits(&decays.single), run::<f32>(Level::detect(), &samples, &order));
+}
+
+#[test]
+fn samples_loaded_row_by_row_are_those_of_their_problems() {
+    let samples = samples(203);
+    let order: Vec<usize> = (0..203).map(|i| i * 89 % 203).collect();
+    let (single, options) = (bounds::<f32>(), Options::single());
+    let double = Options::default();
+    for level in Level::ALL.into_iter().filter(|level| level.available()) {
+        let [by_column, by_rows] = [false, true].map(|by_rows| {
+            let mut decays = Decays { by_rows, ..Decays::new(&samples) };
+            fit(level, &mut decays, order.iter().copied(), &single, &options);
+            let alone = bits(&decays.single);
+            // Those that are polished have other numbers than the problems.
+            let doubtful = |outcome: &Outcome<f32, 4>| !outcome.reason.converged();
+            let both = (&options, &double);
+            fit_polished(level, &mut decays, order.iter().copied(), &bounds(), both, doubtful);
+            (alone, bits(&decays.single), bits(&decays.double))
+        });
+        same(&by_rows.0, &by_column.0, level.name());
+        same(&by_rows.1, &by_column.1, "single");
+        same(&by_rows.2, &by_column.2, "polished");
+        assert!(!by_rows.2.is_empty());
+    }
 }
 
 #[test]

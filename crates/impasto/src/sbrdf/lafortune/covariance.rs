@@ -6,7 +6,7 @@
 //! those of the others are computed as if there were no bound. Under one view normal and turns are
 //! given (hard case 18): the deviations of the others treat them as known.
 
-use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
+use crate::lm::{Batch, Bounds, Column, Columns, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real};
 
 use super::estimate::{LafortuneEstimate, TURN};
@@ -76,13 +76,17 @@ impl<const N: usize> Batch<f64, N> for CovarianceBatch<'_, '_> {
     }
     fn load(&mut self, i: usize, column: &mut Column<'_, f64>) -> [f64; N] {
         let Covariance { data, pixels, found, .. } = *self.covariance;
-        column.fill(data.column(pixels[i], &self.geometries));
+        data.load(pixels[i], &self.geometries, column);
         let [p, q] = slopes(data.normals[pixels[i]]).map(f64::from);
         core::array::from_fn(|unknown| match unknown {
             0 => p,
             1 => q,
             _ => found[i].at[unknown - 2],
         })
+    }
+    fn load_rows(&mut self, columns: &mut Columns<'_, f64>) {
+        let Covariance { data, pixels, .. } = *self.covariance;
+        data.load_rows(|i| pixels[i], &self.geometries, columns);
     }
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "a matrix is written with its indices")]

@@ -6,7 +6,7 @@
 //! samples.
 
 use crate::brdf::lafortune::Pair;
-use crate::lm::{Batch, Column, Normal, Options, Outcome, Rows, fit};
+use crate::lm::{Batch, Column, Columns, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Element, Real, Scalar, Vec3};
 
 use super::estimate::LafortuneEstimate;
@@ -107,7 +107,7 @@ impl<S: Element, const N: usize> Batch<S, N> for JointBatch<'_, S, N> {
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
         let i = self.these[problem];
         let pixel = self.pixels[i];
-        column.fill(self.data.column(pixel, &self.geometries));
+        self.data.load(pixel, &self.geometries, column);
         let normal = self.facing[i].map_or(self.data.normals[pixel], |facing| facing.normal);
         let [p, q] = slopes(normal);
         core::array::from_fn(|unknown| match unknown {
@@ -115,6 +115,10 @@ impl<S: Element, const N: usize> Batch<S, N> for JointBatch<'_, S, N> {
             1 => S::from_f64(q.into()),
             _ => S::from_f64(self.found[i].at[unknown - 2]),
         })
+    }
+    fn load_rows(&mut self, columns: &mut Columns<'_, S>) {
+        let Self { pixels, these, .. } = *self;
+        self.data.load_rows(|problem| pixels[these[problem]], &self.geometries, columns);
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {

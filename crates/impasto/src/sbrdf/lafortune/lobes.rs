@@ -5,7 +5,7 @@
 //! is `n turn`, and bounds on it hold for any n.
 
 use crate::brdf::lafortune::{Lobe, Pair};
-use crate::lm::{Batch, Bounds, Column, Normal, Occupancy, Options, Outcome, Rows, fit};
+use crate::lm::{Batch, Bounds, Column, Columns, Normal, Occupancy, Options, Outcome, Rows, fit};
 use crate::math::elementary::exp;
 use crate::math::{Element, Level, Real, Scalar, Vec3};
 
@@ -75,8 +75,12 @@ where
         self.geometries.rows()
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, S>) -> [S; N] {
-        column.fill(self.data.column(self.pixels[problem], &self.geometries));
+        self.data.load(self.pixels[problem], &self.geometries, column);
         (self.start)(problem).map(S::from_f64)
+    }
+    fn load_rows(&mut self, columns: &mut Columns<'_, S>) {
+        let pixels = self.pixels;
+        self.data.load_rows(|problem| pixels[problem], &self.geometries, columns);
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = S>>(&self, rows: Rows<'_, R>, at: [R; N]) -> Normal<R, N> {

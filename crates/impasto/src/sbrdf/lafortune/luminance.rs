@@ -2,7 +2,7 @@
 
 use crate::brdf::lafortune::Pair;
 use crate::geometry::Rig;
-use crate::lm::{Normal, ROWS, Rows};
+use crate::lm::{Column, Columns, Normal, ROWS, Rows};
 use crate::math::lanes::Isa;
 use crate::math::{Element, Kernel, Level, Real, Scalar, Vec3};
 use crate::surface::{Lafortune, LightView, Pairs};
@@ -34,18 +34,28 @@ impl Luminance<'_> {
         self.rig.observations()
     }
 
-    /// A pixel's column: its samples in the photographs of `geometries`, its normal and its place.
-    pub(super) fn column<S: Element>(
+    /// The last rows of a pixel's column: its normal and its place.
+    pub(super) fn load<S: Element>(
         &self,
         pixel: usize,
         geometries: &Geometries<S>,
-    ) -> impl Iterator<Item = S> {
-        let samples = geometries.numbers.iter().map(move |number| number * self.stride + pixel);
-        let samples = samples.map(|place| self.samples[place]);
-        samples
-            .chain(self.normals[pixel])
-            .chain(self.places[pixel])
-            .map(|value| S::from_f64(f64::from(value)))
+        column: &mut Column<'_, S>,
+    ) {
+        let rest = self.normals[pixel].into_iter().chain(self.places[pixel]);
+        column.fill_from(geometries.len(), rest.map(|value| S::from_f64(f64::from(value))));
+    }
+
+    /// The first rows of the columns of some problems: the samples of their pixels in the photographs
+    /// of `geometries`.
+    pub(super) fn load_rows<S: Element>(
+        &self,
+        pixel_of: impl Fn(usize) -> usize,
+        geometries: &Geometries<S>,
+        columns: &mut Columns<'_, S>,
+    ) {
+        columns.fill_from(0, &geometries.numbers, |number, problem| {
+            S::from_f64(f64::from(self.samples[*number * self.stride + pixel_of(problem)]))
+        });
     }
 
     /// How many of a pixel's samples count, among some photographs.

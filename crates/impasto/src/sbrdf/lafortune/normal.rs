@@ -2,7 +2,7 @@
 //! Levenberg-Marquardt [@levenberg1944; @marquardt1963] from several starts.
 
 use crate::brdf::cosine_lobe::{CosineLobe, PARAMETERS};
-use crate::lm::{Batch, Bounds, Column, Normal, Options, Outcome, Rows, fit};
+use crate::lm::{Batch, Bounds, Column, Columns, Normal, Options, Outcome, Rows, fit};
 use crate::math::{Level, Real, Vec3};
 
 use super::luminance::{Geometries, Luminance};
@@ -102,7 +102,7 @@ impl Batch<f32, PARAMETERS> for CosineLobeBatch<'_> {
     }
     fn load(&mut self, problem: usize, column: &mut Column<'_, f32>) -> [f32; PARAMETERS] {
         let pixel = self.pixels[problem / STARTS];
-        column.fill(self.data.column(pixel, &self.geometries));
+        self.data.load(pixel, &self.geometries, column);
         let [p, q] = slopes(match problem % STARTS {
             0 => [0.0, 0.0, 1.0],
             1 => self.data.normals[pixel],
@@ -110,6 +110,10 @@ impl Batch<f32, PARAMETERS> for CosineLobeBatch<'_> {
         });
         let strength = self.strengths[problem / STARTS];
         [strength, strength, START.ln() as f32, p, q]
+    }
+    fn load_rows(&mut self, columns: &mut Columns<'_, f32>) {
+        let pixels = self.pixels;
+        self.data.load_rows(|problem| pixels[problem / STARTS], &self.geometries, columns);
     }
     #[inline(always)]
     fn normal<R: Real<Scalar = f32>>(

@@ -364,15 +364,21 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
             self.busy = u32::MAX >> (u32::BITS - R::WIDTH as u32);
             *next += R::WIDTH;
         }
+        let (mut begun, mut count) = ([0; MAX_LANES], 0);
         for lane in 0..R::WIDTH {
             if self.busy >> lane & 1 == 1 || *next >= tile.count {
                 continue;
             }
-            self.put(lane, samples, *next);
+            self.held[lane] = *next;
+            self.x[lane] = samples.x[*next];
+            self.y[lane] = samples.y[*next];
+            begun[count] = lane;
+            count += 1;
             self.busy |= 1 << lane;
             fresh[lane] = 1.0;
             *next += 1;
         }
+        self.put(&begun[..count], samples);
         let (zero, held) = (R::zero(), &self.held);
         let fresh = R::load(&fresh).gt(zero);
         let begin = |plane: &[f32], old: R| R::select(fresh, gather(plane, held), old);
@@ -390,16 +396,14 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
         self.active = self.active | fresh;
     }
 
-    /// Puts a pixel's samples into a lane.
+    /// Puts the samples of pixels into their lanes, plane by plane: the pixels are neighbours.
     #[inline(always)]
-    fn put(&mut self, lane: usize, samples: &Samples, pixel: usize) {
-        let lane = lane % MAX_LANES;
-        self.held[lane] = pixel;
-        self.x[lane] = samples.x[pixel];
-        self.y[lane] = samples.y[pixel];
-        let (columns, planes) = (&mut self.planes[..], &samples.planes[..]);
-        for plane in 0..planes.len() / STRIDE {
-            put(&mut columns[plane * R::WIDTH + lane], planes[plane * STRIDE + pixel]);
+    fn put(&mut self, lanes: &[usize], samples: &Samples) {
+        let columns = self.planes.chunks_exact_mut(R::WIDTH);
+        for (column, plane) in columns.zip(samples.planes.as_chunks::<STRIDE>().0) {
+            for &lane in lanes {
+                put(&mut column[lane], plane[self.held[lane] % STRIDE]);
+            }
         }
     }
 }

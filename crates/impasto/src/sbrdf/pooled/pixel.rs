@@ -84,7 +84,7 @@ impl<'a, R: Real<Scalar = f32>> Pixels<'a, R> {
         let (zero, pairs) = (R::zero(), photographs.pairs);
         let geometry: Vec<_> = (0..pairs.len()).map(|pair| pairs.at(pair, zero, zero)).collect();
         let observations = geometry.len();
-        let glint = Glint { weight: zero, phi_squared: zero };
+        let glint = Glint { weight: zero, phi_squared: zero, open: zero };
         Self {
             photographs,
             beta: R::of(lobe.beta),
