@@ -38,6 +38,7 @@ lint-rust: $(VENV)/created
 	cargo fmt --all --check
 	cargo clippy --quiet --workspace --all-targets -- -D warnings
 	cargo clippy --quiet --package impasto --no-default-features --features lm --lib --example decay -- -D warnings
+	cargo clippy --quiet --package impasto-py --no-default-features --features operations -- -D warnings
 
 lint-python: $(VENV)/extras
 	$(BIN)/ruff format --check .
@@ -48,6 +49,7 @@ test-rust: test-core test-gpu  ## run the Rust tests
 
 test-core:
 	cargo test --quiet
+	cargo test --quiet --package impasto --no-default-features --features lm,operations --lib lanes::
 
 # The renderer for graphics cards is tested as it is built for Python: what it needs is compiled once.
 test-gpu: $(VENV)/built

@@ -266,6 +266,18 @@ def test_several_views_keep_none(stack: impasto.Stack) -> None:
     assert learn_residuals(moved, lambda known: fit_sbrdf(known, joint=False), threads=1) is None
 
 
+def test_any_number_of_threads_learns_the_same_process(stack: impasto.Stack) -> None:
+    def fit(known: impasto.Stack) -> Any:
+        return fit_sbrdf(known, pooling="painting", refine=False, threads=1)
+
+    one, three = (learn_residuals(stack, fit, threads=threads) for threads in (1, 3))
+    assert one is not None
+    assert three is not None
+    np.testing.assert_array_equal(one.basis, three.basis)
+    for name in ("length", "noise", "top", "gain"):
+        assert getattr(one, name) == getattr(three, name)
+
+
 def test_few_lights_of_a_dome_keep_none() -> None:
     known = uneven(photographs("gloss", 7))
     assert learn_residuals(known, lambda s: fit_sbrdf(s, joint=False), threads=1) is None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from impasto.errors import ArgumentError
 from impasto.fit import rig_elimination, rig_refinement
 from impasto.fit.bundle_adjustment import Kind, RigNumbers
 from impasto.fit.held_out import Comparison, Errors
@@ -18,7 +19,7 @@ from impasto.fit.rig_acceptance import (
     convincing,
     count_together,
     strengths_differ,
-    whole,
+    with_strengths,
 )
 from impasto.fit.rig_search import Hypothesis
 from impasto.refinement import Estimate
@@ -310,11 +311,18 @@ def test_medians_count_where_photographs_are_predicted_better(
         return found("held", error if rig.spread > 2.5 else 1.0).errors
 
     search._test = SimpleNamespace(errors=errors, surfaces="plain")
-    state = search._by_medians(numbers(2.0), "held")
+    state = search._by_medians(numbers(2.0), "held", 8.0)
     assert state.spread == pytest.approx(moved if kept else 2.0)
+    # Where two lobes fit too few pixels.
+    monkeypatch.setattr(rig_refinement, "Medians", lambda *_: SimpleNamespace(rounds=refusing))
+    assert search._by_medians(numbers(2.0), "held", 8.0).spread == pytest.approx(2.0)
     # On metal, lobes have a shape that two lobes of the model lack.
     search._test = SimpleNamespace(errors=errors, surfaces="shaped")
-    assert search._by_medians(numbers(2.0), "held").spread == pytest.approx(2.0)
+    assert search._by_medians(numbers(2.0), "held", 8.0).spread == pytest.approx(2.0)
+
+
+def refusing(*_: Any, **__: Any) -> Any:
+    raise ArgumentError("stack: strengths need at least 7 lights that pixels determine")
 
 
 # --- numbers that count together
@@ -337,49 +345,106 @@ def test_a_group_counts_by_what_each_of_its_numbers_is_worth() -> None:
 def test_strengths_that_were_not_chosen_are_in_the_group() -> None:
     given, held, other = found("given", 2.0), found("held", 1.97), found("held", 1.9, coated=True)
     assert chosen([given, held], ROUNDED) is given
-    assert whole([given, held], ROUNDED) is held
-    assert whole([given, held, other], ROUNDED) is other
-    assert whole([given], ROUNDED) is given
+    assert with_strengths([given, held], given) is held
+    assert with_strengths([given, held, other], given) is other
+    assert with_strengths([given], given) is given
 
 
-EACH = {(0, 0, 0): 1.07, (1, 1, 1): 1.0}
-"""Of camera, lamps and strengths, each is worth less than 2 % beside the others."""
+TOGETHER = {(0, 0, 0): 1.07, (1, 1, 1): 1.0}
+"""Trimmed error with none of camera, lamps and strengths, and with all."""
 
 
 def grouped(
-    trims: dict[tuple[int, int, int], float], *, mirrored: bool = False, disagree: bool = False
-) -> tuple[bool, bool, bool]:
-    """Which of camera, lamps and strengths are accepted after none was, one by one."""
+    trims: dict[tuple[int, int, int], float],
+    *,
+    left: tuple[int, int, int] = (0, 0, 0),
+    kind: Kind = "held",
+    spread: float = 2.0,
+    mirrored: bool = False,
+    disagree: bool = False,
+    other: float = 9.0,
+) -> tuple[int, int, int]:
+    """Which of camera, lamps and strengths are accepted where ``left`` were, one by one.
+
+    ``kind``: of the strengths that were found with all; ``other``: the error with surfaces of the
+    other kind.
+    """
     search = Search(lambda camera, lamps, surfaces: 0.0)
-    search._trims = None  # type: ignore[assignment]
+    plain = search._test
 
     def errors(state: RigNumbers, test: Any = None) -> Errors:
         near = (state.place > 0.0).astype(int).tolist()
-        return found("held", trims[(*near, int(state.log.any()))]).errors  # type: ignore[index]
+        trim = trims[(*near, int(state.log.any()))]  # type: ignore[index]
+        coated = (test or search._test).surfaces == "coated"
+        return found("held", min(trim, other) if coated else trim).errors
 
-    search.errors = errors  # type: ignore[method-assign]
-    search._agree = lambda state, axis: not disagree  # type: ignore[method-assign]
+    def adjusted(hypothesis: Hypothesis) -> RigNumbers:
+        start = hypothesis.starts[0]
+        return RigNumbers(np.where(hypothesis.free, start.place, 0.0), start.log)
+
     gain = Comparison(2.0, 1.0, 6.0, 0.1)
+    search.errors = errors  # type: ignore[method-assign]
+    search.adjusted = adjusted  # type: ignore[method-assign]
+    search._agree = lambda state, axis: not disagree  # type: ignore[method-assign]
     search._mirrored = lambda state: gain if mirrored else None  # type: ignore[method-assign]
-    uneven = RigNumbers(np.array([0.5, 0.25]), np.log(np.linspace(1.0, 2.0, LIGHTS)))
-    group = Found(uneven, "held", search._test, errors(uneven))
-    no, nothing = np.zeros(2, np.bool_), RigNumbers(np.zeros(2), np.zeros(LIGHTS))
-    alone = Estimate(2.0, False, "no better")
+    places, uneven = np.array([0.5, 0.25]), np.log(np.linspace(1.0, spread, LIGHTS))
+    group = Found(RigNumbers(places, uneven), kind, plain, errors(RigNumbers(places, uneven)))
+    free, strengths = np.array(left[:2], np.bool_), bool(left[2])
+    before = RigNumbers(np.where(free, places, 0.0), uneven * strengths)
     one_by_one = rig_elimination.Accepted(
-        nothing, no, "given", search._test, uneven, ["no better", "no better"], alone
+        before,
+        free,
+        "held" if strengths else "given",
+        plain,
+        group.state,
+        ["one by one", "one by one"],
+        Estimate(spread, strengths, "one by one"),
     )
-    left = search.together(group, one_by_one)
-    assert ("together" in left.reasons[0]) == left.free[0]
-    assert left.strengths.accepted == (left.kind == "held") == bool(left.state.log.any())
-    camera, lamps = left.free.tolist()
-    return camera, lamps, left.strengths.accepted
+    after = search.together(group, one_by_one)
+    assert search._test is after.test
+    assert after.strengths.accepted == (after.kind != "given") == bool(after.state.log.any())
+    np.testing.assert_array_equal(after.state.place > 0.0, after.free)
+    new = after.free & ~free
+    assert [reason.startswith("together") for reason in after.reasons] == new.tolist()
+    camera, lamps = after.free.astype(int).tolist()
+    return camera, lamps, int(after.strengths.accepted)
 
 
 def test_what_counts_together_is_accepted_together() -> None:
-    assert grouped(EACH) == (True, True, True)
-    assert grouped({**EACH, (0, 0, 0): 1.05}) == (False, False, False)
+    assert grouped(TOGETHER) == (1, 1, 1)
+    assert grouped({**TOGETHER, (0, 0, 0): 1.05}) == (0, 0, 0)
+
+
+def test_two_numbers_count_together_beside_a_third() -> None:
+    trims = {**TOGETHER, (1, 0, 0): 1.05, (0, 0, 1): 1.05}
+    assert grouped(trims, left=(1, 0, 0)) == (1, 1, 1)
+    assert grouped(trims, left=(0, 0, 1)) == (1, 1, 1)
+    trims = {key: 1.03 if error == 1.05 else error for key, error in trims.items()}
+    assert grouped(trims, left=(1, 0, 0)) == (1, 0, 0)
+
+
+def test_one_number_that_failed_is_no_group() -> None:
+    assert grouped({(1, 1, 1): 1.0, (1, 0, 1): 1.5}, left=(1, 0, 1)) == (1, 0, 1)
+
+
+def test_other_surfaces_may_make_up_for_a_group() -> None:
+    assert grouped(TOGETHER, other=1.03) == (0, 0, 0)
+
+
+def test_strengths_of_another_kind_than_was_accepted_are_no_group() -> None:
+    trims = {**TOGETHER, (0, 0, 1): 1.06}
+    assert grouped(trims, left=(0, 0, 1)) == (1, 1, 1)
+    assert grouped(trims, left=(0, 0, 1), kind="free") == (0, 0, 1)
+
+
+def test_strengths_that_differ_widely_are_in_no_group() -> None:
+    assert grouped(TOGETHER, spread=7.0) == (1, 1, 1)
+    assert grouped(TOGETHER, spread=9.0) == (0, 0, 0)
 
 
 def test_a_group_whose_distances_contradict_the_photographs_is_not_accepted() -> None:
-    assert grouped(EACH, mirrored=True) == (False, False, False)
-    assert grouped(EACH, disagree=True) == (False, False, False)
+    assert grouped(TOGETHER, mirrored=True) == (0, 0, 0)
+    assert grouped(TOGETHER, disagree=True) == (0, 0, 0)
+    trims = {**TOGETHER, (1, 0, 0): 1.07}
+    assert grouped(trims, left=(1, 0, 0)) == (1, 1, 1)
+    assert grouped(trims, left=(1, 0, 0), disagree=True) == (1, 0, 0)

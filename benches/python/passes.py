@@ -10,8 +10,8 @@ pixel. *Rest* is what is no pass: photometric stereo, decoding, predicted errors
 what is done with them (Cargo feature ``operations``; a fused multiply-add is one), and fits the
 same again: operations per pass and photograph of a pixel, and their rate as a share of the roof of
 the machine [@williams2009roofline]. This is what independent fused multiply-adds of one thread
-reach (``cargo bench -p impasto-benches --bench peak``), each one operation; photographs of a tile
-stay in the cache.
+reach in single precision (``cargo bench -p impasto-benches --bench fits -- limits``), each one
+operation; photographs of a tile stay in the cache.
 """
 
 from __future__ import annotations
@@ -110,13 +110,12 @@ class Operations:
         subprocess.run(build, cwd=ROOT, env=os.environ | python, check=True)
         names = {"darwin": "lib_core.dylib", "win32": "_core.dll"}
         self._library = TARGET / "release" / names.get(sys.platform, "lib_core.so")
-        peak = ["cargo", "bench", "--quiet", "--package", "impasto-benches", "--bench", "peak"]
-        done = subprocess.run(peak, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
-        level, rate = done.stdout.split()
-        simd = impasto._core.build_info()["simd"]
-        if level != simd:
-            raise SystemExit(f"the roof is that of {level}, the fits were made with {simd}")
-        self.roof = float(rate)
+        limits = ["cargo", "bench", "--quiet", "--package", "impasto-benches", "--bench", "fits"]
+        command = [*limits, "--", "limits"]
+        done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+        found = {row["what"]: row["value"] for row in map(json.loads, done.stdout.splitlines())}
+        # There, a fused multiply-add is two operations.
+        self.roof = 0.5e9 * found["GFLOP/s"]
         """Operations in a second."""
 
     def of(self, name: str, effort: str) -> dict[str, int]:

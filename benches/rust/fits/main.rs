@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p impasto-benches --bench fits` prints one line per problem, with `-- kernel` only
 //! the rate of the first (`benches/python/fits.py` runs either), with `-- basins` the share of bad
-//! pixels in other samples of three lobes, with `-- study` what `study.rs` says. Rounds of both sides alternate and the round with the
+//! pixels in other samples of three lobes, with `-- study` what `study.rs` says, with `-- limits` what one thread can do at most. Rounds of both sides alternate and the round with the
 //! median ratio counts, in processor time where the system tells it. "Bad" is the share of pixels
 //! whose cost is above 1.01 times that of a double-precision fit started from the truth: a better
 //! minimum was there.
@@ -269,6 +269,10 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     if arguments.first().is_some_and(|first| first == "kernel") {
         println!("{:.0}", kernel(200_000));
+        return;
+    }
+    if arguments.first().is_some_and(|first| first == "limits") {
+        study::limits();
         return;
     }
     if arguments.first().is_some_and(|first| first == "study") {

@@ -28,8 +28,7 @@ fn least(mut work: impl FnMut()) -> f64 {
 pub(crate) fn study() {
     precision(20_000);
     strategies(2_000, 100);
-    let limits = limits();
-    roofline(limits);
+    roofline(limits());
 }
 
 /// One lobe through 16 samples, in either precision.
@@ -183,7 +182,7 @@ fn several(scene: &Scene, starts: usize) -> Vec<f64> {
 
 /// What one thread can do at most.
 #[derive(Clone, Copy)]
-struct Limits {
+pub(crate) struct Limits {
     /// Floating-point operations a second, fused multiply-adds of single precision counted twice.
     flops: f64,
     /// Bytes read a second, from far more than the caches hold.
@@ -227,7 +226,7 @@ impl Kernel for Read<'_> {
     }
 }
 
-fn limits() -> Limits {
+pub(crate) fn limits() -> Limits {
     let level = Level::detect();
     let mut made = 0.0;
     let seconds = least(|| made = level.run(Multiply(20_000_000)));

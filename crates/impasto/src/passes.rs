@@ -76,7 +76,8 @@ struct Counter {
 #[derive(Debug)]
 pub struct Passes {
     counters: [Counter; Purpose::ALL.len()],
-    /// Nanoseconds since some moment: the numerics have no clock of their own.
+    /// Nanoseconds since some moment, as the numerics have no clock of their own; operations where
+    /// these are counted.
     clock: fn() -> u64,
 }
 

@@ -219,7 +219,7 @@ class BundleAdjustment:
         matrix, right = np.zeros((numbers, numbers)), np.zeros(numbers)
         squares, kept = 0.0, np.zeros(len(state.log), np.int64)
 
-        def of(fold: int) -> tuple[Array, Array, float, NDArray[np.intp]]:
+        def equations_of(fold: int) -> tuple[Array, Array, float, NDArray[np.intp]]:
             held, found = _photographs(len(state.log), fold, len(surfaces)), surfaces[fold]
             errors, slopes = self._samples(state, found, held)
             product, by_error = self._equations(state, found, axes, lamps, errors, slopes, held)
@@ -228,7 +228,7 @@ class BundleAdjustment:
 
         folds = range(len(surfaces))
         for product, by_error, square, used in wait_for_each(
-            of, folds, thread_count(self._threads)
+            equations_of, folds, thread_count(self._threads)
         ):
             matrix, right = matrix + product, right + by_error
             squares, kept = squares + square, kept + used

@@ -201,7 +201,8 @@ def learn_residuals(
     stack
         The photographs.
     fit
-        The fit whose residuals are meant.
+        The fit whose residuals are meant; called by several threads at once, for a fold each, which
+        Ctrl-C leaves to themselves.
     part
         The pixels to learn from; default: a sample of some 2000 of the stack's.
     truth
@@ -251,11 +252,10 @@ def learn_residuals(
         residual = _residual_codes(known, result, shown, top, threads)
         return principal_components(residual), residual
 
-    count = thread_count(threads)
     # The fit to all photographs is one more step beside those of the folds.
     steps: list[Callable[[], Any]] = [lambda: components_of(part, fit(part))]
     steps += [partial(gains_of, fold) for fold in folds]
-    (basis, residual), *each = wait_for_each(lambda step: step(), steps, count)
+    (basis, residual), *each = wait_for_each(lambda step: step(), steps, thread_count(threads))
     every = {setting: np.concatenate([one[setting] for one in each]) for setting in each[0]}
     setting = _best(every, _enough(residual, basis))
     gain, scatter = float(every[setting].mean()), float(every[setting].std())

@@ -67,9 +67,8 @@ def chosen(found: Sequence[Found], rounded: float) -> Found:
     return held
 
 
-def whole(found: Sequence[Found], rounded: float) -> Found:
-    """The best numbers with strengths uneven, if any hypothesis has them, chosen or not."""
-    best = chosen(found, rounded)
+def with_strengths(found: Sequence[Found], best: Found) -> Found:
+    """The best numbers with uneven strengths, if any hypothesis has them, chosen or not."""
     held = [one for one in found if one.kind == "held"]
     if best.kind != "given" or not held:
         return best

@@ -86,22 +86,28 @@ class Elimination(RigSearch):
         """
         free = self._free & (group.state.place >= FAR)
         dropped = np.flatnonzero(free & ~left.free).tolist()
+        near = np.flatnonzero(free).tolist()
         count = len(dropped) + (group.kind != "given" and left.kind == "given")
-        if count < 2 or (left.free & ~free).any() or group.state.spread > SPREAD:
+        # What tilt and fall-off of strengths are worth has been judged.
+        other = left.kind not in ("given", group.kind)
+        if count < 2 or other or (left.free & ~free).any() or group.state.spread > SPREAD:
             return left
-        hypothesis = Hypothesis((left.state, self.even()), left.free, left.kind, left.test)
+        starts = (left.state, group.state, self.even())
+        hypothesis = Hypothesis(starts, left.free, left.kind, left.test)
         tests = (left.test, left.test.otherwise())
         rivals, _ = self.all_found([replace(hypothesis, test=one) for one in tests])
+        rivals.append(self._with(left.state, left.kind, left.test))
         rival = min(rivals, key=lambda one: one.errors.trim)
         gain = group.errors.than(rival.errors)
         self._test = group.test
         if not (
             count_together(gain, count, self._test.rounded)
-            and self._steady(group.errors, rival.errors)
-            and all(self._shows(axis, group.state)[0] for axis in dropped)
-            and all(self._agree(group.state, axis) for axis in dropped)
+            and self._every_fold_better(group.errors, rival.errors)
+            and all(self._shows(axis, group.state)[0] for axis in near)
+            and all(self._agree(group.state, axis) for axis in near)
             and self._mirrored(group.state) is None
         ):
+            self._test = left.test
             return left
         why = f"together {gain}"
         reasons = [why if axis in dropped else reason for axis, reason in enumerate(left.reasons)]
@@ -169,7 +175,7 @@ class Elimination(RigSearch):
         if not convincing(gain):
             return False, f"no better: {gain}"
         errors, before = self.errors(state), self.errors(without)
-        if not (self._steady(errors, before) and self._agree(state, axis)):
+        if not (self._every_fold_better(errors, before) and self._agree(state, axis)):
             return False, f"parts of the photographs disagree: {gain}"
         rounded = gain.trim_before <= COARSE * self._test.rounded
         if axis == 0 and rounded and gain.fall < MUCH:
@@ -178,7 +184,7 @@ class Elimination(RigSearch):
             return False, f"the opposite sign does as well: {mirrored}"
         return True, str(gain)
 
-    def _steady(self, errors: Errors, before: Errors) -> bool:
+    def _every_fold_better(self, errors: Errors, before: Errors) -> bool:
         """Whether the photographs of every fold are predicted better."""
         return all(
             errors.fold(one, self._folds) < (1.0 - 0.5 * FALL) * before.fold(one, self._folds)

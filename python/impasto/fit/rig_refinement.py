@@ -20,10 +20,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.coordinate_search import coordinate_search
 from impasto.fit.held_out import Comparison, HeldOut
-from impasto.fit.rig_acceptance import (
-    chosen,
-    whole,
-)
+from impasto.fit.rig_acceptance import chosen, with_strengths
 from impasto.fit.rig_elimination import FAR, NONE, SPREAD, Elimination, without_far
 from impasto.fit.rig_search import NEAREST
 from impasto.fit.strength_search import HELPS, ROUNDS, Medians
@@ -75,10 +72,11 @@ def refine_rig(
     A camera's distance is judged again without the lamps' where that is not accepted. Errors below
     twice those of rounding fall for wrong reasons: there, strengths and a camera's distance need a
     fall by 20 %. Numbers that fail one by one are accepted together if the error falls by 2 % for
-    each of them and the gain exceeds three standard errors, with the same conditions on distances.
+    each of them and the gain exceeds three standard errors (near those of rounding by 20 % and
+    one), with the same conditions on distances; strengths then differ by a factor of 8 at most.
     What is not accepted stays as given, and all does unless photographs of other folds are
     predicted better by more than a standard error. Strengths that are accepted go through the
-    rounds of medians of :func:`fit_strengths` where these predict better, but on metal. Surfaces
+    rounds of medians of :func:`fit_strengths` where these predict better, except on metal. Surfaces
     are under a varnish where that predicts better; on metal their lobes have a shape in common that
     the photographs tell. One ring of lamps, and less than 32 pixels, tell nothing.
 
@@ -219,9 +217,8 @@ class _Decision(Elimination):
         if trim <= self._test.rounded:
             return self._untouched(f"errors of {trim:.2f} codes are those of rounding")
         found = self.searched()
-        left = self.eliminated(chosen(found, self._test.rounded))
-        left = self.together(whole(found, self._test.rounded), left)
-        self._test = left.test
+        first = chosen(found, self._test.rounded)
+        left = self.together(with_strengths(found, first), self.eliminated(first))
         state, free = self._final(left.state, left.free, left.kind)
         reasons = [
             NONE if before and not after else why
@@ -276,14 +273,17 @@ class _Decision(Elimination):
             found = replace(found, place=place)
         else:
             after = trim(found.place)
-        if after <= before and not self._wild(found, state):
+        most = max(SPREAD, _WIDER * state.spread)
+        if after <= before and found.spread <= most:
             state = found
         if kind != "given":
-            state = self._by_medians(state, kind)
+            state = self._by_medians(state, kind, most)
         return without_far(state, free)
 
-    def _by_medians(self, state: RigNumbers, kind: Kind) -> RigNumbers:
+    def _by_medians(self, state: RigNumbers, kind: Kind, most: float) -> RigNumbers:
         """The numbers with strengths by rounds of medians, where these predict better.
+
+        ``most``: the largest spread of strengths.
 
         They do where one lobe does not describe the highlights, which bend strengths: medians of
         what two lobes leave are bent less. Of 2304 pixels they are no better than of 576. On metal,
@@ -298,7 +298,7 @@ class _Decision(Elimination):
         except ArgumentError:
             return state  # two lobes fit too few pixels, or too few lamps show any
         moved = replace(state, log=np.where(rounds.known, rounds.log, state.log))
-        if self._wild(moved, state):
+        if moved.spread > most:
             return state
         after, before = wait_for_each(
             lambda one: self._test.errors(self.at(one), self._folds, _LOBES),
@@ -306,10 +306,6 @@ class _Decision(Elimination):
             self._count,
         )
         return moved if after.than(before).fall > HELPS else state
-
-    def _wild(self, found: RigNumbers, accepted: RigNumbers) -> bool:
-        """Whether strengths differ by much more than those that were accepted."""
-        return found.spread > max(SPREAD, _WIDER * accepted.spread)
 
     def _total(self, state: RigNumbers) -> Comparison:
         """Gain over the rig as given: other folds, lobes as they are fitted."""

@@ -72,7 +72,7 @@ pub struct Glint<R: Real> {
     pub weight: R,
     /// Squared angle between normal and half vector, rad^2.
     pub phi_squared: R,
-    /// `1 / (N.V)`.
+    /// `1 / (N.V)`: infinite at grazing views, negative from behind.
     pub open: R,
 }
 

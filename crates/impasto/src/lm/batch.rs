@@ -31,7 +31,8 @@ pub trait Batch<S: Scalar, const N: usize> {
 
     /// Writes what [`load`](Self::load) has not written of the problems that begin together, row by
     /// row: where a number lies beside those of other problems, each line of memory is then fetched
-    /// once for all of them. The default writes nothing.
+    /// once for all of them. It comes after [`load`](Self::load) of each, and not where bounds are
+    /// crossed and nothing is searched. The default writes nothing.
     fn load_rows(&mut self, _columns: &mut Columns<'_, S>) {}
 
     /// Number of samples of a problem, by whose root [`Options::offset`] is divided; not asked for where

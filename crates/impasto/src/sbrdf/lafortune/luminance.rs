@@ -205,7 +205,7 @@ impl<S: Element> Geometries<S> {
         self.len() + 5
     }
 
-    /// Normal equations of a model against a pixel's column ([`Luminance::column`]): radiance and
+    /// Normal equations of a model against a pixel's column ([`Luminance::load`]): radiance and
     /// its derivatives from light, view, their product and the irradiance.
     #[inline(always)]
     pub(super) fn equations<R: Real<Scalar = S>, const N: usize>(

@@ -104,7 +104,8 @@ impl<R: Real<Scalar = f32>> Shown<R> {
         left.weighted / self.used()
     }
 
-    /// Renews the weights of the pixels in the mask by what is `left`; returns the weighted mean
+    /// Renews the weights of the pixels in the mask by what is `left`, the last that
+    /// [`left`](Self::left) found, of these pixels; returns the weighted mean
     /// square of the residuals.
     #[inline(always)]
     pub(super) fn renew(

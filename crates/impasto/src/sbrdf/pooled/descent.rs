@@ -378,7 +378,9 @@ impl<R: Real<Scalar = f32>> Lanes<R> {
             fresh[lane] = 1.0;
             *next += 1;
         }
-        self.put(&begun[..count], samples);
+        if count > 0 {
+            self.put(&begun[..count], samples);
+        }
         let (zero, held) = (R::zero(), &self.held);
         let fresh = R::load(&fresh).gt(zero);
         let begin = |plane: &[f32], old: R| R::select(fresh, gather(plane, held), old);
