@@ -154,6 +154,11 @@ Trims = Callable[[bool, bool, str], float]
 """Trimmed error with a near camera or not, near lamps or not, on surfaces of a kind."""
 
 
+def numbers(spread: float) -> RigNumbers:
+    """No distances, and strengths that differ by this factor."""
+    return RigNumbers(np.zeros(2), np.log(np.linspace(1.0, spread, LIGHTS)))
+
+
 class Search(rig_refinement._Decision):
     """A search that finds every distance at once, with errors that are put in."""
 
@@ -272,9 +277,6 @@ def test_the_last_steps_do_not_spread_strengths_without_limit(
 ) -> None:
     """Strengths that differ by more than a factor of 8 need more reasons than these steps have."""
 
-    def numbers(spread: float) -> RigNumbers:
-        return RigNumbers(np.zeros(2), np.log(np.linspace(1.0, spread, LIGHTS)))
-
     search = Search(lambda camera, lamps, surfaces: 0.0)
     search._stack = search._index = search._threads = None  # type: ignore[assignment]
     search.at = lambda state: state  # type: ignore[assignment]
@@ -296,9 +298,6 @@ def test_medians_count_where_photographs_are_predicted_better(
     moved: float, error: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By 1 % or more, and without strengths that differ by more than a factor of 8."""
-
-    def numbers(spread: float) -> RigNumbers:
-        return RigNumbers(np.zeros(2), np.log(np.linspace(1.0, spread, LIGHTS)))
 
     search = Search(lambda camera, lamps, surfaces: 0.0)
     search._threads = None

@@ -10,7 +10,7 @@
     reason = "vector intrinsics are unsafe to call; each use states why it holds"
 )]
 
-#[cfg(any(test, not(target_arch = "x86_64")))]
+#[cfg(any(test, not(any(target_arch = "x86_64", feature = "operations"))))]
 #[cfg_attr(
     target_arch = "x86_64",
     allow(unreachable_pub, reason = "public where it is the baseline; here for its tests")
