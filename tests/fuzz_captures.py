@@ -62,10 +62,11 @@ def optics(folder: Path) -> dict[str, Reader]:
         (home / name).write_text(json.dumps(content))
 
     def reader(name: str, seeds: list[bytes], **values: str) -> Reader:
+        text = session_text(io.Session(**{**usual, **values}))
+
         def read(path: Path) -> None:
             """The other files of the session lie beside the damaged one."""
             good = (home / name).read_bytes()
-            text = session_text(io.Session(**{**usual, **values}))
             (home / "session.toml").write_text(text)
             try:
                 (home / name).write_bytes(path.read_bytes())

@@ -56,8 +56,8 @@ SECONDS = 2.0
 """A reader of files of a few kilobytes that takes longer waits for something."""
 MEGABYTES = 200
 """64 MiB may be decoded at any ratio; libraries hold a copy or two of it."""
-BATCH = 20_000
-"""Cases of one process."""
+BATCH = 100_000
+"""Cases of one process, which takes seconds to make the good files."""
 FIRST_BATCH = 500
 """Cases from which the pace of a reader is taken."""
 WAIT = 1800.0
