@@ -298,7 +298,7 @@ def test_strengths_of_the_icon_are_accepted_beside_distances(data: Path) -> None
     """
     whole = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
     stack = subsampled(whole, 7)
-    held = np.arange(3, 72, 6)
+    held = np.arange(1, 72, 6)
     seen, new = stack.take(np.setdiff1d(np.arange(72), held)), stack.take(held).rig
     truth = np.rint(stack.encode(np.array([stack.linear(i) for i in held])))
 
@@ -313,8 +313,8 @@ def test_strengths_of_the_icon_are_accepted_beside_distances(data: Path) -> None
     assert report is not None
     assert report.strengths.accepted
     assert "together" in str(report)
-    # 1.7 dB with strengths and distances of one lobe, 2.1 with medians.
-    assert decibels(refined, refined.at(new)) - decibels(seen.rig, new) > 1.9
+    # 2.5 dB with strengths and distances of one lobe, 2.9 with medians.
+    assert decibels(refined, refined.at(new)) - decibels(seen.rig, new) > 2.7
 
 
 def test_a_coordinate_search_ends_at_the_minimum() -> None:

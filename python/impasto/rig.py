@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -231,16 +232,19 @@ class Rig:
         origin: tuple[float, float] | None = None,
         refinement: RigRefinement | None = None,
     ) -> None:
+        set_ = object.__setattr__
         if isinstance(lights, Rig):
             refinement = lights.refinement if refinement is None else refinement
-            views = lights.viewpoints if views is None else views
             pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
             origin = lights.origin if origin is None else origin
-            lights = lights.lights
-        parsed = _lights(lights)
-        set_ = object.__setattr__
+            # Checked when that rig was made: fits make rigs of rigs by the thousand.
+            parsed = lights.lights
+            directions, positions = lights.views, lights.view_positions
+        else:
+            parsed = _lights(lights)
+        if views is not None or not isinstance(lights, Rig):
+            directions, positions = _views(views, len(parsed))
         set_(self, "lights", parsed)
-        directions, positions = _views(views, len(parsed))
         set_(self, "views", directions)
         set_(self, "view_positions", positions)
         set_(self, "pitch_mm", pitch_mm)
@@ -439,13 +443,12 @@ class Rig:
     def take(self, indices: Iterable[int]) -> Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
         chosen = picked(indices, len(self), "indices", "observation")
-        return Rig(
-            [self.lights[i] for i in chosen],
-            views=viewpoints(self.views[chosen], self.view_positions[chosen]),
-            pitch_mm=self.pitch_mm,
-            origin=self.origin,
-            refinement=self.refinement,
-        )
+        few = copy(self)
+        set_ = object.__setattr__
+        set_(few, "lights", tuple(self.lights[i] for i in chosen))
+        set_(few, "views", self.views[chosen])
+        set_(few, "view_positions", self.view_positions[chosen])
+        return few
 
 
 def seen_from_front(rig: Rig) -> None:

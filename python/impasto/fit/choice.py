@@ -22,7 +22,7 @@ from impasto.io.results import SavedMaps
 from impasto.rig import Rig
 from impasto.stack import Stack
 
-PIXELS = 2048
+PIXELS = 1024
 """Approximate number of sampled pixels, spread over the picture. 1024 and 4096 chose the same
 pooling on seven stacks: 9 to 72 photographs of the icon, 9 to 48 of a matte simulation."""
 MARGIN = 0.1

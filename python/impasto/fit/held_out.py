@@ -252,6 +252,8 @@ class HeldOut:
             lobes=lobes,
             ambient=True,
             coated=self.coated,
+            # Too few pixels for a prior would start from fixed widths instead of from neighbours.
+            typical=False,
             index=self._index,
             effort=resolved(self._effort if lobes == 1 else "standard"),
             threads=self._threads,

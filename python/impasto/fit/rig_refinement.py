@@ -119,7 +119,7 @@ def refine_rig(
     -----
     The mean normal and the fall-off with the elevation of lamps are held as given, unless the
     photographs determine them. The principal point and the tilt of the camera are not estimated.
-    The sample is 576 pixels, for the last steps 2304; the rig of several paintings is best refined
+    The sample is 256 pixels, for the last steps 2304; the rig of several paintings is best refined
     on the glossiest.
     """
     checked_stack(stack)
@@ -286,7 +286,7 @@ class _Decision(Elimination):
         ``most``: the largest spread of strengths.
 
         They do where one lobe does not describe the highlights, which bend strengths: medians of
-        what two lobes leave are bent less. Of 2304 pixels they are no better than of 576. On metal,
+        what two lobes leave are bent less. More pixels find no better ones. On metal,
         whose lobes have a shape of their own, two lobes without it bend strengths again.
         """
         if self._test.surfaces == "shaped":

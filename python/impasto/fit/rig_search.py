@@ -24,10 +24,10 @@ from impasto._internal.waiting import wait_for_each
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.held_out import RECENT, Comparison, Errors, HeldOut, Surfaces
 from impasto.fit.rig_acceptance import Found, chosen, strengths_differ
-from impasto.rig import DistantLight, Light, PointView, Rig, Views, near_lamp
+from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views, near_lamp
 from impasto.stack import Stack
 
-_PIXELS = 576
+_PIXELS = 256
 """The sample: pixels spread evenly, each with its own directions."""
 _FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
 """Half of the photographs are held out at a time; of fewer than 24, a quarter."""
@@ -248,11 +248,13 @@ def _rigs(given: Rig, half: float, falloff: bool) -> Callable[[RigNumbers], Rig]
         # A photograph that is black but for 1e-40 asks for a lamp weaker than lamps may be.
         strengths = np.clip(given.intensities * np.exp(state.log), LEAST, MOST).tolist()
         for light, strength in zip(given.lights, strengths, strict=True):
-            if isinstance(light, DistantLight) and w > 0.0:
+            if isinstance(light, PointLight):
+                lights.append(replace(light, intensity=strength))
+            elif w > 0.0:
                 position = half / w * np.array(light.direction)
                 lights.append(near_lamp(position, strength, falloff, light.radius))
             else:
-                lights.append(replace(light, intensity=strength))
+                lights.append(DistantLight(light.direction, strength, light.radius))
         views: Views = given.viewpoints
         if u > 0.0:
             x, y, z = (half / u * given.views[0]).tolist()
