@@ -251,7 +251,6 @@ class _Decision(Elimination):
             index=self._index,
             threads=self._threads,
             surfaces=self._test.surfaces,
-            effort="standard",
         )
         adjustment = BundleAdjustment(many, self.at, self._given.directions, self._threads)
         found = adjustment.solve(state, free, kind, nearest=NEAREST, folds=self._folds)
