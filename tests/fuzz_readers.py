@@ -57,7 +57,7 @@ SECONDS = 2.0
 MEGABYTES = 200
 """64 MiB may be decoded at any ratio; libraries hold a copy or two of it."""
 BATCH = 100_000
-"""Cases of one process, which takes seconds to make the good files."""
+"""Cases of one process, which first makes the good files for seconds. A crash ends them all."""
 FIRST_BATCH = 500
 """Cases from which the pace of a reader is taken."""
 WAIT = 1800.0

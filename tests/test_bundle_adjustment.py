@@ -267,7 +267,7 @@ def test_camera_lamps_and_strengths_are_found_together(everything: Any) -> None:
     assert report.lamps.accepted
     assert report.strengths.accepted
     assert report.open[0] == "overall strength"
-    # Noise of 0.2 % of white, some 1 % of a sample, in 576 pixels of three bands: 0.03 % in a
+    # Noise of 0.2 % of white, some 1 % of a sample, in 144 pixels of three bands: 0.05 % in a
     # strength, if nothing but it were sought. Distances are correlated with all strengths.
     off = np.log(refined.intensities / strength)
     assert np.abs(off - np.median(off)).mean() < 0.005
@@ -302,7 +302,7 @@ def test_lamps_of_any_strength_are_found() -> None:
     log = np.random.default_rng(7).uniform(-math.log(4.0), math.log(4.0), len(stack.rig))
     stack = stack._replace(samples=np.asarray(stack.samples) * np.exp(log)[:, None, None, None])
     off = np.log(impasto.refine_rig(stack).intensities) - log
-    # Noise is a few per cent of the dimmest photographs, in 576 pixels of three bands.
+    # Noise is a few per cent of the dimmest photographs, in 144 pixels of three bands.
     assert np.abs(off - np.median(off)).max() < 0.01
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, simulate
-from impasto.fit.choice import CANDIDATES, MARGIN, Candidate, decibels, simplest
+from impasto.fit.choice import CANDIDATES, MARGIN, PIXELS, Candidate, decibels, simplest
 from impasto.fit.cross_validation import full_scale, split
 from impasto.fit.options import fit_kinds
 
@@ -146,6 +146,7 @@ def test_pixels_that_no_fit_can_predict_do_not_count() -> None:
     """A third of the pixels without a sample: they would drown what the others tell."""
     patches = photographs("patches", 24)
     # No more pixels than are sampled: both samples have the same.
+    assert PIXELS >= 32 * 32
     samples = np.array([patches.linear(i)[:, :32, :32] for i in range(24)])
     samples[:, :, :11] = np.nan
     lost = impasto.Stack(samples, lights=patches.rig.directions)

@@ -98,7 +98,14 @@ def test_a_rig_keeps_its_cameras_through_everything(tmp_path: Path) -> None:
     assert rig.near_views.tolist() == [True, False, True]
     np.testing.assert_allclose(np.linalg.norm(rig.views, axis=1), 1.0, rtol=1e-15)
     assert np.array_equal(rig.view_positions[[0, 2]], EYES)
-    assert Rig(rig).viewpoints == rig.viewpoints
+    assert Rig(rig.lights, views=rig.viewpoints, pitch_mm=PITCH).viewpoints == rig.viewpoints
+    moved = Rig(rig, pitch_mm=2.0 * PITCH, origin=(1.0, 2.0))
+    assert (moved.viewpoints, moved.pitch_mm) == (rig.viewpoints, 2.0 * PITCH)
+    some = moved.take([1, 0])
+    assert some.near_views.tolist() == [False, True]
+    assert (some.origin, some.pitch_mm, some.lights) == ((1.0, 2.0), 2.0 * PITCH, rig.lights[:2])
+    with pytest.raises(ValueError, match="read-only"):  # moved and rig share them
+        moved.views[0] = 0.0
     assert rig.take([2, 1]).view_positions[0].tolist() == list(EYES[1])
     assert rig.rotated(1).view_positions[0].tolist() == [20.0, 15.0, 90.0]
     assert rig.rotated(4).viewpoints == rig.viewpoints

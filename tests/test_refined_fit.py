@@ -132,7 +132,7 @@ def test_strengths_do_not_stand_for_what_a_varnish_keeps_back(coated: bool) -> N
     uneven = impasto.Stack(samples, lights=even.rig.directions)
     rig = impasto.refine_rig(uneven, camera=False, lamps=False)
     found = np.log(rig.intensities / strength)
-    # Noise of 0.1 % of white in 576 pixels of three bands leaves less than 0.1 %; with surfaces of
+    # Noise of 0.1 % of white in 144 pixels of three bands leaves some 0.1 %; with surfaces of
     # the wrong kind 7 %.
     assert np.abs(found - np.median(found)).mean() < 0.003
 

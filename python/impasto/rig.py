@@ -232,18 +232,17 @@ class Rig:
         origin: tuple[float, float] | None = None,
         refinement: RigRefinement | None = None,
     ) -> None:
-        set_ = object.__setattr__
         if isinstance(lights, Rig):
             refinement = lights.refinement if refinement is None else refinement
             pitch_mm = lights.pitch_mm if pitch_mm is None else pitch_mm
             origin = lights.origin if origin is None else origin
-            # Checked when that rig was made: fits make rigs of rigs by the thousand.
-            parsed = lights.lights
-            directions, positions = lights.views, lights.view_positions
+            # Checked when that rig was made: searches make rigs of rigs by the thousand.
+            parsed, seen = lights.lights, (lights.views, lights.view_positions)
+            directions, positions = seen if views is None else _views(views, len(parsed))
         else:
             parsed = _lights(lights)
-        if views is not None or not isinstance(lights, Rig):
             directions, positions = _views(views, len(parsed))
+        set_ = object.__setattr__
         set_(self, "lights", parsed)
         set_(self, "views", directions)
         set_(self, "view_positions", positions)
@@ -444,10 +443,11 @@ class Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
         chosen = picked(indices, len(self), "indices", "observation")
         few = copy(self)
+        # A part of what was checked needs no check, and a rig keeps nothing else.
         set_ = object.__setattr__
         set_(few, "lights", tuple(self.lights[i] for i in chosen))
-        set_(few, "views", self.views[chosen])
-        set_(few, "view_positions", self.view_positions[chosen])
+        set_(few, "views", _shared(self.views[chosen]))
+        set_(few, "view_positions", _shared(self.view_positions[chosen]))
         return few
 
 
@@ -544,7 +544,13 @@ def _views(views: Views | None, count: int) -> tuple[NDArray[np.float64], NDArra
     if not np.isfinite(lengths).all() or bool((lengths < 1e-6).any()):
         raise GeometryError("views: every view needs a finite direction")
     lengths = np.where(np.abs(lengths - 1.0) < _ROUNDED, 1.0, lengths)
-    return np.ascontiguousarray(array / lengths), positions
+    return _shared(np.ascontiguousarray(array / lengths)), _shared(positions)
+
+
+def _shared(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The array for rigs that are made of each other: nobody can change it."""
+    array.setflags(write=False)
+    return array
 
 
 def _vector(values: Any, name: str) -> list[float]:

@@ -214,7 +214,7 @@ def choose(
     open_varnish
         Whether the best of lobes per pixel is tried under a varnish, too.
     part
-        The pixels to judge by; default: a sample of some 2000 of the stack's.
+        The pixels to judge by; default: a sample of some 1000 of the stack's.
     truth
         What is compared with predictions of ``part``; default: ``part``.
     threads

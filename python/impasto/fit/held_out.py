@@ -252,7 +252,8 @@ class HeldOut:
             lobes=lobes,
             ambient=True,
             coated=self.coated,
-            # Too few pixels for a prior would start from fixed widths instead of from neighbours.
+            # Rigs are told apart as well without the painting's prior, for which a sample of 256
+            # pixels has too few seeds: all of them would start from fixed widths.
             typical=False,
             index=self._index,
             effort=resolved(self._effort if lobes == 1 else "standard"),

@@ -299,7 +299,7 @@ def blocks(maps: NDArray[Any], side: int) -> Map:
     rows, columns = (size // side for size in padded.shape[-2:])
     parts = padded.reshape(*maps.shape[:-2], rows, side, columns, side)
     known = ~np.isnan(parts)
-    # Rows first: they lie one after the other in memory, the columns of a block are few.
+    # Rows first: long rows are added at once, which leaves little for the few columns of a block.
     count = known.sum(axis=-3).sum(axis=-1)
     total = np.where(known, parts, 0.0).sum(axis=-3, dtype=np.float64).sum(axis=-1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)

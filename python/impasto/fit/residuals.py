@@ -204,7 +204,7 @@ def learn_residuals(
         The fit whose residuals are meant; called by several threads at once, for a fold each, which
         Ctrl-C leaves to themselves.
     part
-        The pixels to learn from; default: a sample of some 2000 of the stack's.
+        The pixels to learn from; default: a sample of some 1000 of the stack's.
     truth
         What is compared with predictions of ``part``; default: ``part``.
     threads

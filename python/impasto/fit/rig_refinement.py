@@ -119,8 +119,8 @@ def refine_rig(
     -----
     The mean normal and the fall-off with the elevation of lamps are held as given, unless the
     photographs determine them. The principal point and the tilt of the camera are not estimated.
-    The sample is 256 pixels, for the last steps 2304; the rig of several paintings is best refined
-    on the glossiest.
+    The sample is up to 256 pixels, for the last steps 2304; the rig of several paintings is best
+    refined on the glossiest.
     """
     checked_stack(stack)
     switches = {"camera": camera, "lamps": lamps, "strengths": strengths}
@@ -226,7 +226,7 @@ class _Decision(Elimination):
         ]
         total = self._total(state)
         if total.gain <= total.scatter and (free.any() or left.kind != "given"):
-            return self._untouched(f"no better for lobes as they are fitted: {total}")
+            return self._untouched(f"no better with two lobes per pixel: {total}")
         camera, lamps = (
             Estimate(_distance(state if taken else left.best, axis), bool(taken), reasons[axis])
             for axis, taken in enumerate(free)
@@ -285,7 +285,7 @@ class _Decision(Elimination):
         ``most``: the largest spread of strengths.
 
         They do where one lobe does not describe the highlights, which bend strengths: medians of
-        what two lobes leave are bent less. More pixels find no better ones. On metal,
+        what two lobes leave are bent less. Those of 576 or 2304 pixels were no better. On metal,
         whose lobes have a shape of their own, two lobes without it bend strengths again.
         """
         if self._test.surfaces == "shaped":
@@ -307,7 +307,7 @@ class _Decision(Elimination):
         return moved if after.than(before).fall > HELPS else state
 
     def _total(self, state: RigNumbers) -> Comparison:
-        """Gain over the rig as given: other folds, lobes as they are fitted."""
+        """Gain over the rig as given: other folds, two lobes per pixel."""
         rigs, folds = (self.at(state), self._given), self._folds + 1
         after, before = wait_for_each(
             lambda rig: self._test.errors(rig, folds, _LOBES), rigs, self._count

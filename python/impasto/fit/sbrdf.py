@@ -206,7 +206,7 @@ def fit_sbrdf(
     model
         ``"torrance-sparrow"`` of the first two papers, or ``"lafortune"`` of the third.
     pooling
-        ``"auto"`` (default): the fit that predicts held-out photographs of some 2000 sampled pixels
+        ``"auto"`` (default): the fit that predicts held-out photographs of some 1000 sampled pixels
         best, of those that have all given options: ``joint`` and ``extraction`` ask for
         ``"painting"``, ``lobes`` and ``ambient`` for ``"pixel"``, ``segments`` for ``"segment"``,
         ``coated`` for one of the first two.

@@ -175,11 +175,10 @@ def fit_strengths(
     The strength of a light is the factor that all pixels of its photograph have in common, relative
     to what the surface should show. Bundle adjustment, as in :func:`refine_rig`, changes strengths
     and the surfaces of 576 pixels together. Rounds of medians follow: surfaces are fitted under
-    these strengths (lobes of each pixel's own, :func:`fit_sbrdf` with ``pooling="pixel"``), then
-    the factor of each lamp is the median of sample / predicted sample over the pixels that it
-    lights without clipping, 2304 spread over the painting. The rounds count only where they predict
-    photographs that are held out better by 1 %, as they do where the model does not describe the
-    highlights.
+    these strengths (lobes of each pixel's own, without the painting's prior), then the factor of
+    each lamp is the median of sample / predicted sample over the pixels that it lights without
+    clipping, 2304 spread over the painting. The rounds count only where they predict photographs
+    that are held out better by 1 %, as they do where the model does not describe the highlights.
 
     Photographs of a matte, nearly flat painting do not separate strengths from a tilt of all its
     normals, nor from a fall-off with the elevation of lamps. By default these are held as the given
@@ -300,6 +299,7 @@ class _Search:
     ) -> None:
         rig = stack.rig
         self._folds = fold_count(len(rig), FEWEST, _FOLDS)
+        # Surfaces of a draft left 6 % in a strength of 8 lamps on which these leave 3 %.
         test = HeldOut(stack, _PIXELS, index=index, threads=threads, effort="standard")
         if self._folds:
             test = test.for_metal(rig).suited(rig, self._folds)
