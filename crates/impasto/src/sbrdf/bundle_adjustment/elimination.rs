@@ -15,6 +15,10 @@ use crate::math::Real;
 /// singular.
 const RIDGE: f64 = 1e-4;
 
+/// Least size of an unknown's derivatives that counts. The inverse of smaller squares is no number in
+/// double precision: a lobe that stands far from the half vectors of all lamps shows so little.
+const LEAST: f64 = 1e-140;
+
 type Square<R> = [[R; 3]; 3];
 
 /// Sums of products over some photographs of pixels.
@@ -199,7 +203,7 @@ fn scales<R: Real>(own: &Square<R>, held: Option<&Square<R>>) -> [R; 3] {
             None => own[i][i],
         };
         let size = squared.sqrt();
-        scales[i] = R::select(size.gt(R::zero()), size.recip(), R::one());
+        scales[i] = R::select(size.gt(R::of(LEAST)), size.recip(), R::one());
     }
     scales
 }
