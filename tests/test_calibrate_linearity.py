@@ -221,7 +221,9 @@ def test_points_are_joined_and_back() -> None:
     np.testing.assert_allclose(curve.decode(at), np.copysign(expected, at), rtol=1e-6)
     np.testing.assert_allclose(curve.encode(curve.decode(at[:5])), at[:5], atol=1e-4)
     assert curve.name == "measured"
-    for points in ("0,0", "0,0 1", "0,0 0.5,0.6 0.4,0.7 1,1", "0,0 0.5,0.6 0.7,0.5 1,1", "0,0 1,2"):
+    falling = ("0,0", "0,0 1", "0,0 0.5,0.6 0.4,0.7 1,1", "0,0 0.5,0.6 0.7,0.5 1,1", "0,0 1,2")
+    endless = ("0,0 0.3,inf 0.7,inf 1,1", "0,0 inf,0.3 inf,0.7 1,1", "0,0 0.5,nan 1,1")
+    for points in (*falling, *endless):
         with pytest.raises(ArgumentError, match="points"):
             Encoding(f"points:{points}")
 
