@@ -79,6 +79,7 @@ def test_bands_have_names_and_arrays_are_the_cameras_own():
         ({"sensitivities": CURVES[0]}, "sensitivities: expected shape"),
         ({"sensitivities": CURVES * np.nan}, "sensitivities: .*nan in band 0 at 400 nm"),
         ({"sensitivities": CURVES * [[1.0], [0.0], [1.0]]}, "band 'green' has no response"),
+        ({"sensitivities": CURVES * 1e200, "illuminant": np.full(31, 1e200)}, "'red' times the"),
         ({"bands": ["x"]}, "bands: expected 3 names, found 1"),
         ({"illuminant": "moonlight"}, "illuminant: unknown name 'moonlight'"),
         ({"illuminant": np.ones(30)}, "illuminant: expected 31 values"),

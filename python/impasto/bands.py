@@ -157,8 +157,15 @@ class Camera:
         )
         measured = isinstance(self.illuminant, np.ndarray)
         light = (self.wavelengths, self.illuminant) if measured else self.illuminant
-        weights = curves * spectrum(light, at)
-        white = weights.sum(axis=1, keepdims=True)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below
+            weights = curves * spectrum(light, at)
+            white = weights.sum(axis=1, keepdims=True)
+        if not np.isfinite(white).all():
+            band = self.bands[int(np.argmin(np.isfinite(white[:, 0])))]
+            raise ArgumentError(
+                f"sensitivities: those of band {band!r} times the illuminant exceed the largest "
+                "number; give both relative to 1"
+            )
         if not (white > 0).all():
             band = self.bands[int(np.argmin(white[:, 0]))]
             raise ArgumentError(
