@@ -293,8 +293,8 @@ def test_a_part_of_a_painting_sees_the_same_rig(near: Any) -> None:
 def test_strengths_of_the_icon_are_accepted_beside_distances(data: Path) -> None:
     """Gold under varnish, every seventh pixel, a sixth of the photographs held out.
 
-    Neither strengths nor distances are worth enough one by one, but for some sixths, not this one;
-    and medians of what two lobes leave find strengths that one lobe bends.
+    Without this sixth, neither strengths nor distances are worth enough one by one; and medians of
+    what two lobes leave find strengths that one lobe bends.
     """
     whole = impasto.read_stack(data / "icon_rti" / "dirs.lp", encoding="srgb")
     stack = subsampled(whole, 7)

@@ -29,8 +29,8 @@ from impasto.stack import Stack
 
 _PIXELS = 256
 """The most pixels of the sample, spread evenly, each with its own directions. 576 accepted the same
-numbers of 30 simulated rigs (``benches/python/rigs.py``) and, but for the strengths of one, of 21
-panels (``path_traced.py``), and were no nearer to the truth."""
+numbers of 30 simulated rigs (``benches/python/rigs.py``) and, but for the strengths of one, of 26
+panels (``path_traced.py``), and were no nearer to the truth on average."""
 _FOLDS, _MANY, _FOLDS_OF_FEW = 2, 24, 4
 """Half of the photographs are held out at a time; of fewer than 24, a quarter."""
 NODES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
