@@ -61,6 +61,28 @@ def test_smaller_maps_take_no_more_memory_than_they_ask_for() -> None:
     assert endings[-2:] == [memory_limits.RESULT] * 2
 
 
+BRIEF = """
+import numpy as np
+import impasto
+import memory_limits
+memory_limits.keep_no_room()
+lights = [(0.5, 0, 0.9), (0, 0.5, 0.9), (-0.5, 0, 0.9), (0, -0.5, 0.9)]
+endings = []
+for side in (64, 129):
+    stack = impasto.Stack(np.full((4, 1, side, side), 0.5, np.float32), lights=lights)
+    call = lambda: impasto.fit_normals(stack, method="least-squares", threads=1)
+    endings.append(memory_limits.limited(call, {room} << 20)[0])
+print(endings)
+"""
+
+
+def test_a_fit_of_few_samples_starts_no_thread() -> None:
+    """65,536 samples and fewer are fitted where they are called for; a thread takes 66 MiB."""
+    below, above = (ast.literal_eval(processes.run(BRIEF.format(room=room))) for room in (80, 160))
+    assert below == [memory_limits.RESULT, memory_limits.REFUSED]
+    assert above == [memory_limits.RESULT, memory_limits.RESULT]
+
+
 def test_an_ended_process_is_a_fault() -> None:
     ending, _ = memory_limits.limited(lambda: os.kill(os.getpid(), signal.SIGKILL), None)
     assert ending == -signal.SIGKILL

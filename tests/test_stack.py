@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 
 import numpy as np
@@ -158,6 +160,27 @@ def test_directions_are_normalised() -> None:
 def test_a_light_without_direction_is_refused(row: list[float]) -> None:
     with pytest.raises(GeometryError, match="row 1"):
         impasto.Rig([[0.0, 0.0, 1.0], row])
+
+
+def test_the_numbers_of_a_rig_are_those_of_its_own_lights() -> None:
+    """Arrays of lights are made once; a part, a copy and a file of a rig have none of another's."""
+    lights = [
+        impasto.DistantLight((0, 0, 1), 2.0),
+        impasto.PointLight((30, 0, 40), 3.0, falloff=False),
+        impasto.PointLight((0, 60, 80), 4.0),
+    ]
+    rig = impasto.Rig(lights, pitch_mm=0.1)
+    untouched = pickle.dumps(rig)
+    assert rig.intensities.tolist() == [2.0, 3.0, 4.0]
+    assert rig.vectors.tolist() == [[0, 0, 1], [30, 0, 40], [0, 60, 80]]
+    assert rig.directions.tolist() == [[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8]]
+    assert rig.near.tolist() == [False, True, True]
+    assert rig.falloff.tolist() == [False, False, True]
+    assert rig.take([2, 0]).intensities.tolist() == [4.0, 2.0]
+    assert rig.take([2, 0]).near.tolist() == [True, False]
+    rig.intensities[0] = 9.0
+    assert rig.intensities.tolist() == copy.copy(rig).intensities.tolist() == [2.0, 3.0, 4.0]
+    assert pickle.dumps(rig) == untouched
 
 
 def test_point_lights_need_the_size_of_a_pixel() -> None:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from functools import cached_property
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -193,6 +194,31 @@ class PointView:
 Views: TypeAlias = "ArrayLike | PointView | Sequence[PointView | tuple[float, float, float]]"
 
 
+class _Lamps(NamedTuple):
+    """Lights as arrays ``(obs, ...)``."""
+
+    directions: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    intensities: NDArray[np.float64]
+    near: NDArray[np.bool_]
+    falloff: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, lights: Sequence[Light]) -> _Lamps:
+        near = [isinstance(light, PointLight) for light in lights]
+        directions = np.array([light.direction for light in lights], np.float64)
+        vectors = directions
+        if any(near):
+            vectors = np.array([getattr(light, "position", light.direction) for light in lights])
+        return cls(
+            directions,
+            vectors,
+            np.array([light.intensity for light in lights], np.float64),
+            np.array(near, np.bool_),
+            np.array([getattr(light, "falloff", False) for light in lights], np.bool_),
+        )
+
+
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Rig:
     """One light and one view per observation.
@@ -281,15 +307,23 @@ class Rig:
         in_pixels = self.refinement is not None and not self.refinement.in_mm
         return None if in_pixels else self.pitch_mm
 
+    @cached_property
+    def _lamps(self) -> _Lamps:
+        # Made once: fits of small samples take hardly longer.
+        return _Lamps.of(self.lights)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_lamps"}
+
     @property
     def directions(self) -> NDArray[np.float64]:
         """``(obs, 3)`` unit directions to the lights, from the middle of the painting."""
-        return np.array([light.direction for light in self.lights], dtype=np.float64)
+        return self._lamps.directions.copy()
 
     @property
     def intensities(self) -> NDArray[np.float64]:
         """``(obs,)`` light intensities."""
-        return np.array([light.intensity for light in self.lights], dtype=np.float64)
+        return self._lamps.intensities.copy()
 
     @property
     def radii(self) -> NDArray[np.float64]:
@@ -299,23 +333,17 @@ class Rig:
     @property
     def vectors(self) -> NDArray[np.float64]:
         """``(obs, 3)`` positions of near lights in mm, directions of distant ones."""
-        return np.array(
-            [x.position if isinstance(x, PointLight) else x.direction for x in self.lights],
-            dtype=np.float64,
-        )
+        return self._lamps.vectors.copy()
 
     @property
     def near(self) -> NDArray[np.bool_]:
         """``(obs,)`` whether a light is a :class:`PointLight`."""
-        return np.array([isinstance(light, PointLight) for light in self.lights], dtype=np.bool_)
+        return self._lamps.near.copy()
 
     @property
     def falloff(self) -> NDArray[np.bool_]:
         """``(obs,)`` whether a light falls off with the square of its distance."""
-        return np.array(
-            [isinstance(light, PointLight) and light.falloff for light in self.lights],
-            dtype=np.bool_,
-        )
+        return self._lamps.falloff.copy()
 
     @property
     def near_views(self) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.rotation import quarter_turns_of
-from impasto._internal.waiting import floats, wait_for
+from impasto._internal.waiting import BRIEF, floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoWarning
@@ -211,7 +211,8 @@ class Stack:
         if run:
             samples = self.samples[chosen[0] : chosen[0] + len(chosen)]
         else:
-            samples = wait_for(self.samples.take, chosen, axis=0)
+            take, small = self.samples.take, self.samples.size <= BRIEF
+            samples = take(chosen, axis=0) if small else wait_for(take, chosen, axis=0)
         return self._replace(
             samples=samples, rig=self.rig.take(chosen), names=[self.names[i] for i in chosen]
         )

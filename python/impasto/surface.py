@@ -374,9 +374,12 @@ def _warn_of_lengths(normals: Map) -> None:
     some = flat[:, :: max(1, flat.shape[1] // _SAMPLE)].astype(np.float64)
     squares = (some * some).sum(axis=0)
     known = squares[np.isfinite(squares) & (squares > 0.0)]
-    length = float(np.sqrt(np.median(known))) if known.size else 1.0
     # Codes of 8 bits, (n + 1) / 2, are off by 1 % at most.
-    if not 0.9 < length < 1.1:
+    shortest, longest = 0.9, 1.1
+    if not known.size or (known.min() > shortest**2 and known.max() < longest**2):
+        return
+    length = float(np.sqrt(np.median(known)))
+    if not shortest < length < longest:
         warnings.warn(
             f"normal: expected unit vectors (3, y, x), found lengths of about {length:.3g}, by "
             "which light is multiplied; a picture of normals holds (n + 1) / 2",

@@ -89,16 +89,17 @@ pub(crate) struct StartArguments<'py> {
     status: PyReadonlyArray2<'py, u8>,
 }
 
+/// Tried in turn, those of small samples first: a type that does not fit costs an error's text.
 #[derive(FromPyObject)]
 enum SampleArray<'py> {
+    #[pyo3(transparent)]
+    F32(PyReadonlyArray4<'py, f32>),
     #[pyo3(transparent)]
     U8(PyReadonlyArray4<'py, u8>),
     #[pyo3(transparent)]
     U16(PyReadonlyArray4<'py, u16>),
     #[pyo3(transparent)]
     F16(PyReadonlyArray4<'py, f16>),
-    #[pyo3(transparent)]
-    F32(PyReadonlyArray4<'py, f32>),
 }
 
 /// Says which array was not C-contiguous; `impasto._internal.border` makes them so.

@@ -111,7 +111,8 @@ pub(crate) fn fit_lobes<'py>(
     let start = start.start().map_err(refuse)?;
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
     let maps = maps.maps().map_err(refuse)?;
-    let (learned, passes) = run::call(py, threads, progress.as_ref(), |run| {
+    let count = samples.shape().samples();
+    let (learned, passes) = run::call_on(py, count, threads, progress.as_ref(), |run| {
         impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, maps, run)
             .map(|learned| (learned, counted(&run.progress.passes)))
     })?;

@@ -42,6 +42,11 @@ pub(crate) fn level() -> Level {
     })
 }
 
+/// Samples up to which work is done on the caller's thread, because it is over before anybody would
+/// look at Ctrl-C. Searches call for thousands of such fits, and each thread that is started takes as
+/// long as some of their pixels.
+const BRIEF: usize = 1 << 16;
+
 /// Runs `work` on a thread of its own with `threads` workers, and waits for it.
 ///
 /// `progress` is called with (tiles done, tiles known) about ten times a second; an exception
@@ -52,18 +57,34 @@ pub(crate) fn call<A: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
 ) -> PyResult<A> {
-    check_room::<u8>(ADDRESSES).map_err(|error| errors::to_python(py, &error))?;
+    call_on(py, usize::MAX, threads, progress, work)
+}
+
+/// The same, but on the caller's thread where the work is on few samples.
+pub(crate) fn call_on<A: Send>(
+    py: Python<'_>,
+    samples: usize,
+    threads: usize,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(&Run<'_>) -> impasto::Result<A> + Send,
+) -> PyResult<A> {
+    let brief = samples <= BRIEF;
+    let addresses = if brief { 0 } else { ADDRESSES };
+    check_room::<u8>(addresses).map_err(|error| errors::to_python(py, &error))?;
     let pool = pool(threads);
     let cancel = AtomicBool::new(false);
     let tally = Progress::timed(spent);
     let mut interruption = None;
     let outcome = py.detach(|| {
+        let run = Run { pool: pool.as_deref(), level: level(), cancel: &cancel, progress: &tally };
+        let work = || catch_unwind(AssertUnwindSafe(|| work(&run)));
+        if brief {
+            return work();
+        }
         std::thread::scope(|scope| {
             let (finished, wait) = channel();
-            let run =
-                Run { pool: pool.as_deref(), level: level(), cancel: &cancel, progress: &tally };
             let worker = std::thread::Builder::new().spawn_scoped(scope, move || {
-                let outcome = catch_unwind(AssertUnwindSafe(|| work(&run)));
+                let outcome = work();
                 // Nobody listening only means that the caller no longer waits in steps.
                 let _ = finished.send(());
                 outcome

@@ -32,7 +32,7 @@ pub(crate) fn predict<'py>(
     let rig = rig.rig(height, width).map_err(refuse)?;
     let (intensities, shown) = (intensities.as_slice()?, out.as_slice_mut()?);
     let surface = surface.surface().map_err(refuse)?;
-    run::call(py, threads, progress.as_ref(), |run| {
+    run::call_on(py, shown.len(), threads, progress.as_ref(), |run| {
         impasto::surface::predict(&surface, &rig, intensities, shown, run)
     })
 }
@@ -121,7 +121,8 @@ pub(crate) fn rig_equations<'py>(
         slopes: slopes.as_slice()?,
         held: held.as_slice()?,
     };
-    let found = run::call(py, threads, None, |run| adjustment.equations(run))?;
+    let samples = adjustment.errors.len();
+    let found = run::call_on(py, samples, threads, None, |run| adjustment.equations(run))?;
     let numbers = found.right.len();
     let matrix = PyArray1::from_vec(py, found.matrix).reshape([numbers, numbers])?;
     Ok((matrix, PyArray1::from_vec(py, found.right)))

@@ -89,7 +89,7 @@ pub(crate) fn fit_normals<'py>(
         sigma: memory(&mut maps.sigma)?,
         status: maps.status.as_slice_mut()?,
     };
-    run::call(py, threads, progress.as_ref(), |run| {
+    run::call_on(py, shape.samples(), threads, progress.as_ref(), |run| {
         impasto::stereo::fit_normals(&samples, &rig, &options, &mut maps, run)
     })
 }
@@ -113,7 +113,7 @@ pub(crate) fn learn_normals<'py>(
     let samples = stack.stack(&decoding).map_err(refuse)?;
     let shape = samples.shape();
     let rig = stack.rig.rig(shape.height, shape.width).map_err(refuse)?;
-    let learned = run::call(py, threads, None, |run| {
+    let learned = run::call_on(py, shape.samples(), threads, None, |run| {
         impasto::stereo::learn_normals(&samples, &rig, &options, run)
     })?;
     Ok((learned.scale, learned.correlation))

@@ -68,16 +68,22 @@ def _thread_count(threads: int | None) -> int:
     if threads is not None:
         if not (is_whole(threads) and threads >= 1):
             raise ArgumentError(f"threads: expected a positive number or None, found {threads!r}")
-        return min(int(threads), max(MOST_THREADS, os.cpu_count() or 1))
+        return _limited(int(threads))
     for variable in ("IMPASTO_NUM_THREADS", "RAYON_NUM_THREADS"):
         text = os.environ.get(variable, "")
         if text:
             if not text.isdecimal() or int(text) < 1:
                 raise ArgumentError(f"{variable}: expected a positive number, found {text!r}")
-            return min(int(text), max(MOST_THREADS, os.cpu_count() or 1))
+            return _limited(int(text))
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _limited(threads: int) -> int:
+    if threads <= MOST_THREADS:  # most calls; the number of cores is read from a file
+        return threads
+    return min(threads, max(MOST_THREADS, os.cpu_count() or 1))
 
 
 @contextmanager

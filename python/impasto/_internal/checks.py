@@ -110,11 +110,12 @@ def is_whole(value: Any) -> TypeGuard[int]:
 
 def picked(chosen: Any, count: int, name: str, noun: str) -> list[int]:
     """Places from 0 on out of ``count``; negative numbers count from the end, as in a list."""
+    whole = isinstance(chosen, np.ndarray) and chosen.ndim == 1 and chosen.dtype.kind in "iu"
     try:
-        entries = list(chosen)
+        entries = chosen.tolist() if whole else list(chosen)
     except TypeError:
         entries = [None]
-    if not all(map(is_whole, entries)):
+    if not (whole or all(map(is_whole, entries))):
         mask = all(isinstance(entry, bool | np.bool_) for entry in entries)
         hint = "; np.flatnonzero makes numbers of True and False" if mask else ""
         raise ArgumentError(f"{name}: expected numbers of {noun}s, found {chosen!r}{hint}")

@@ -28,6 +28,8 @@ Found = TypeVar("Found")
 
 HEARTBEAT = 0.05
 """Seconds after which a wait begins anew: there are systems whose waits no signal ends."""
+BRIEF = 1 << 16
+"""Samples that are copied sooner than a thread is started."""
 
 
 def wait_for(step: Callable[Given, Found], *args: Given.args, **options: Given.kwargs) -> Found:

@@ -22,9 +22,10 @@ from impasto._internal.calls import thread_count
 from impasto._internal.waiting import wait_for_each
 from impasto.fit.gauge import fall_off, log_cosine, log_elevation, log_strengths_of_tilt
 from impasto.fit.held_out import KEPT, HeldOut, log_ratios, trimmed_mean
-from impasto.fit.lobe_profile import Fitted, shown_by
+from impasto.fit.lobe_profile import Fitted, LobeProfile, shown_by
 from impasto.fit.strength_search import FEWEST, OUTLIER
 from impasto.rig import Rig
+from impasto.surface import Surface
 
 Array = NDArray[np.float64]
 Kind = Literal["given", "held", "free"]
@@ -221,8 +222,11 @@ class BundleAdjustment:
 
         def equations_of(fold: int) -> tuple[Array, Array, float, NDArray[np.intp]]:
             held, found = _photographs(len(state.log), fold, len(surfaces)), surfaces[fold]
-            errors, slopes = self._samples(state, found, held)
-            product, by_error = self._equations(state, found, axes, lamps, errors, slopes, held)
+            surface = found.result.surface()
+            errors, slopes = self._samples(state, found, surface, held)
+            product, by_error = self._equations(
+                state, surface, found.profile, axes, lamps, errors, slopes, held
+            )
             used = np.where(held, np.count_nonzero(slopes, axis=(1, 2, 3)), 0)
             return product, by_error, float((errors[held] ** 2).sum()), used
 
@@ -276,13 +280,13 @@ class BundleAdjustment:
         return step - fall_off(log + step, log_elevation(lights), usual, FEWEST)
 
     def _samples(
-        self, state: RigNumbers, found: Fitted, held: NDArray[np.bool_]
+        self, state: RigNumbers, found: Fitted, surface: Surface, held: NDArray[np.bool_]
     ) -> tuple[Array, Array]:
         """``(obs, band, y, x)`` errors in codes, and codes per light.
 
         Both are 0 of samples that are unknown or trimmed, by the errors of those ``held``.
         """
-        rig, surface = self._test.lit(self._at(state)).rig, found.result.surface()
+        rig = self._test.lit(self._at(state)).rig
         light = shown_by(surface, found.profile, rig, self._threads).astype(np.float64)
         coded = self._test.coded(light)
         by = _SLOPE * light
@@ -306,7 +310,8 @@ class BundleAdjustment:
     def _equations(
         self,
         state: RigNumbers,
-        found: Fitted,
+        surface: Surface,
+        profile: LobeProfile | None,
         axes: list[int],
         lamps: bool,
         errors: Array,
@@ -320,9 +325,8 @@ class BundleAdjustment:
             near[axis] += _PLACE
             rigs.append(self._test.lit(self._at(replace(state, place=near))).rig)
         rig, *moved = map(RigArguments.of, rigs)
-        profile = found.profile
         return _core.rig_equations(
-            found.result.surface(),
+            surface,
             None if profile is None else (profile.knots, profile.factor),
             rig,
             rigs[0].intensities,

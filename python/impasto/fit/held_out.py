@@ -266,7 +266,7 @@ class HeldOut:
         stack, count = self.lit(rig), len(self.samples)
 
         def errors_of(held: NDArray[np.intp]) -> NDArray[np.float64]:
-            seen = np.setdiff1d(np.arange(count), held)
+            seen = np.delete(np.arange(count), held)
             new = stack.rig.take(held)
             shown = self.surface(stack.take(seen), lobes).shown(new, self._threads)
             own = log_ratios(self.samples[held], shown.mean(axis=1), new.intensities)

@@ -282,7 +282,7 @@ def fit_normals(
     _check_side(stack)
     band = _band(stack, selection)
     if method == "robust" and learned is None and steps is not None:
-        learned = _learned(stack, steps, band, threads)
+        learned = _learned(stack, steps, band, threads, arguments)
     normals = _memory(stack, method, maps, out)
     with reporting(progress, "normals") as callback:
         _core.fit_normals(
@@ -332,9 +332,18 @@ def learn_normals(
     return _learned(stack, steps, _band(stack, selection), threads)
 
 
-def _learned(stack: Stack, steps: int, band: int | None, threads: int | None) -> LearnedNormals:
-    sample = StackArguments.of(subsampled_to(stack, LEARNED_PIXELS))
-    scale, correlation = _core.learn_normals(sample, steps, band, thread_count(threads))
+def _learned(
+    stack: Stack,
+    steps: int,
+    band: int | None,
+    threads: int | None,
+    arguments: StackArguments | None = None,
+) -> LearnedNormals:
+    """What is learned from a stack, whose ``arguments`` may be known."""
+    sample = subsampled_to(stack, LEARNED_PIXELS)
+    if arguments is None or sample is not stack:
+        arguments = StackArguments.of(sample)
+    scale, correlation = _core.learn_normals(arguments, steps, band, thread_count(threads))
     return LearnedNormals(scale, correlation)
 
 
