@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,10 +104,20 @@ def test_take_of_neighbours_shares_memory() -> None:
     assert np.shares_memory(whole.take([1, 2]).samples, whole.samples)
 
 
-@pytest.mark.parametrize("indices", [[], [3], [-4]])
-def test_take_refuses_what_is_not_there(indices: list[int]) -> None:
+@pytest.mark.parametrize(
+    "indices",
+    [[], [3], [-4], np.array([3]), np.array([0.0]), np.array([[0]]),
+     np.ma.array([0, 1], mask=[False, True])],
+)  # fmt: skip
+def test_take_refuses_what_is_not_there(indices: Any) -> None:
     with pytest.raises(ArgumentError, match="indices"):
         stack().take(indices)
+
+
+@pytest.mark.parametrize("kind", [list, tuple, np.array, np.uint8])
+def test_take_counts_in_any_whole_numbers(kind: Any) -> None:
+    whole = stack()
+    assert whole.take(kind([2, 0])).names == (whole.names[2], whole.names[0])
 
 
 @pytest.mark.parametrize("curve", ["linear", "srgb", "2.2", "gamma:1.8"])

@@ -10,8 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +30,8 @@ from impasto.refinement import RigRefinement
 
 FRONTAL = (0.0, 0.0, 1.0)
 """The view of a camera far in front of the painting."""
+_KNOWN = "_arrays"
+"""Where a rig keeps its lights as arrays."""
 _ROUNDED = 8 * float(np.finfo(np.float64).eps)
 """Vectors whose lengths differ from 1 by less are unit vectors. Dividing once more would change
 last bits, and a rig that is saved and loaded must not change."""
@@ -197,7 +198,6 @@ Views: TypeAlias = "ArrayLike | PointView | Sequence[PointView | tuple[float, fl
 class _Lamps(NamedTuple):
     """Lights as arrays ``(obs, ...)``."""
 
-    directions: NDArray[np.float64]
     vectors: NDArray[np.float64]
     intensities: NDArray[np.float64]
     near: NDArray[np.bool_]
@@ -205,18 +205,17 @@ class _Lamps(NamedTuple):
 
     @classmethod
     def of(cls, lights: Sequence[Light]) -> _Lamps:
-        near = [isinstance(light, PointLight) for light in lights]
-        directions = np.array([light.direction for light in lights], np.float64)
-        vectors = directions
-        if any(near):
-            vectors = np.array([getattr(light, "position", light.direction) for light in lights])
+        place = [x.position if isinstance(x, PointLight) else x.direction for x in lights]
         return cls(
-            directions,
-            vectors,
+            np.array(place, np.float64),
             np.array([light.intensity for light in lights], np.float64),
-            np.array(near, np.bool_),
-            np.array([getattr(light, "falloff", False) for light in lights], np.bool_),
+            np.array([isinstance(light, PointLight) for light in lights], np.bool_),
+            np.array([isinstance(x, PointLight) and x.falloff for x in lights], np.bool_),
         )
+
+    def take(self, chosen: list[int]) -> _Lamps:
+        few = self.vectors[chosen], self.intensities[chosen], self.near[chosen]
+        return _Lamps(*few, self.falloff[chosen])
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -307,18 +306,23 @@ class Rig:
         in_pixels = self.refinement is not None and not self.refinement.in_mm
         return None if in_pixels else self.pitch_mm
 
-    @cached_property
+    @property
     def _lamps(self) -> _Lamps:
-        # Made once: fits of small samples take hardly longer.
-        return _Lamps.of(self.lights)
+        # Searches ask for them four times a fit. No lock, which a forked process would inherit: two
+        # threads may both make them.
+        known = vars(self).get(_KNOWN)
+        if known is None:
+            known = vars(self)[_KNOWN] = _Lamps.of(self.lights)
+        return cast("_Lamps", known)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_lamps"}
+        """What a pickle and a copy hold: the rig, not what was made of it."""
+        return {name: value for name, value in vars(self).items() if name != _KNOWN}
 
     @property
     def directions(self) -> NDArray[np.float64]:
         """``(obs, 3)`` unit directions to the lights, from the middle of the painting."""
-        return self._lamps.directions.copy()
+        return np.array([light.direction for light in self.lights], dtype=np.float64)
 
     @property
     def intensities(self) -> NDArray[np.float64]:
@@ -471,8 +475,10 @@ class Rig:
         """The rig of some observations, in the order given; negative ones count from the end."""
         chosen = picked(indices, len(self), "indices", "observation")
         few = copy(self)
-        # A part of what was checked needs no check, and a rig keeps nothing else.
+        # A part of what was checked needs no check.
         set_ = object.__setattr__
+        if _KNOWN in vars(self):
+            vars(few)[_KNOWN] = self._lamps.take(chosen)
         set_(few, "lights", tuple(self.lights[i] for i in chosen))
         set_(few, "views", _shared(self.views[chosen]))
         set_(few, "view_positions", _shared(self.view_positions[chosen]))

@@ -211,7 +211,7 @@ class Stack:
         if run:
             samples = self.samples[chosen[0] : chosen[0] + len(chosen)]
         else:
-            take, small = self.samples.take, self.samples.size <= BRIEF
+            take, small = self.samples.take, len(chosen) * self.samples[0].size <= BRIEF
             samples = take(chosen, axis=0) if small else wait_for(take, chosen, axis=0)
         return self._replace(
             samples=samples, rig=self.rig.take(chosen), names=[self.names[i] for i in chosen]

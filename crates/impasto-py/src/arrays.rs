@@ -89,7 +89,8 @@ pub(crate) struct StartArguments<'py> {
     status: PyReadonlyArray2<'py, u8>,
 }
 
-/// Tried in turn, those of small samples first: a type that does not fit costs an error's text.
+/// Tried in turn, and a type that does not fit makes the text of an error. Linear light is first:
+/// searches fit a few pixels of it by the thousand.
 #[derive(FromPyObject)]
 enum SampleArray<'py> {
     #[pyo3(transparent)]

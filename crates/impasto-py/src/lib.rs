@@ -1,8 +1,8 @@
 //! The border between Python and the numerics: borrow, detach, call, wrap.
 //!
 //! No formula and no loop over pixels lives here. Arrays are borrowed, never copied; every call
-//! releases the interpreter, answers Ctrl-C and reports progress ([`run`]); every error becomes a
-//! Python exception ([`errors`]).
+//! releases the interpreter and reports progress, and answers Ctrl-C unless it is brief ([`run`]);
+//! every error becomes a Python exception ([`errors`]).
 
 use pyo3::prelude::*;
 

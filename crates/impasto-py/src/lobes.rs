@@ -109,9 +109,9 @@ pub(crate) fn fit_lobes<'py>(
     let samples = stack.stack(&decoding).map_err(refuse)?;
     let rig = stack.rig_alone().map_err(refuse)?;
     let start = start.start().map_err(refuse)?;
+    let count = options.usual_samples(samples.shape().samples());
     let (model, options) = (options.model(), options.options().map_err(refuse)?);
     let maps = maps.maps().map_err(refuse)?;
-    let count = samples.shape().samples();
     let (learned, passes) = run::call_on(py, count, threads, progress.as_ref(), |run| {
         impasto::sbrdf::fit_lobes(&samples, &rig, &start, model, &options, maps, run)
             .map(|learned| (learned, counted(&run.progress.passes)))
@@ -186,7 +186,17 @@ pub(crate) fn apply_lobes<'py>(
     })
 }
 
+/// Most steps of a pixel's searches in the presets.
+const USUAL_STEPS: usize = 16;
+
 impl LobeArguments {
+    /// How many samples take as long with the presets' steps as so many with these.
+    fn usual_samples(&self, samples: usize) -> usize {
+        let colours = self.rounds.saturating_mul(self.colour_iterations);
+        let steps = self.iterations.saturating_add(colours);
+        samples.saturating_mul(steps.div_ceil(USUAL_STEPS))
+    }
+
     fn model(&self) -> TorranceSparrow {
         TorranceSparrow { index: self.index }
     }

@@ -64,5 +64,7 @@ pub(crate) fn gather<'py>(
         return Err(refuse(Error::argument("sent", problem)));
     }
     let sent = slice("sent", &sent).map_err(refuse)?;
-    run::call(py, threads, None, |run| rows.gather(sent, run))?.into_pyarray(py).reshape(size)
+    let shares = size[0] * share.as_slice()?.len();
+    let found = run::call_on(py, shares, threads, None, |run| rows.gather(sent, run))?;
+    found.into_pyarray(py).reshape(size)
 }

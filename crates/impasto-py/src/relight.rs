@@ -109,7 +109,7 @@ pub(crate) fn linear_from_bands<'py>(
     let columns = columns(&matrix);
     let values = slice("planes", &planes).map_err(|error| to_python(py, &error))?;
     let [height, width] = [planes.shape()[1], planes.shape()[2]];
-    let out = run::call_on(py, values.len(), threads, None, |run| {
+    let out = run::call(py, threads, None, |run| {
         let mut out = zeros(3 * height * width)?;
         linear_from_planes(values, &columns, &mut out, run)?;
         Ok(out)
@@ -137,7 +137,7 @@ pub(crate) fn display_from_bands<'py>(
     let count = 3 * height * width;
     macro_rules! shown {
         ($type:ty, $variant:ident) => {{
-            let (codes, clipped) = run::call_on(py, values.len(), threads, None, |run| {
+            let (codes, clipped) = run::call(py, threads, None, |run| {
                 let mut codes: Vec<$type> = zeros(count)?;
                 let clipped =
                     codes_from_planes(values, &columns, curve, Codes::$variant(&mut codes), run)?;
@@ -197,7 +197,9 @@ pub(crate) fn cast_shadows<'py>(
     let values = slice("height", &height).map_err(|error| to_python(py, &error))?;
     let grid = Grid::whole(height.shape()[1], height.shape()[0], pitch_mm);
     let light = light_of(light, point);
-    let out = run::call_on(py, values.len(), threads, None, |run| {
+    // A ray towards a near lamp crosses the picture; of a small square one it takes as long as a sample.
+    let rays = if point { grid.width.max(grid.height).div_ceil(64) } else { 1 };
+    let out = run::call_on(py, values.len() * rays, threads, None, |run| {
         relight::shadow::cast_shadows(values, grid, &light, run)
     })?;
     out.into_pyarray(py).reshape([grid.height, grid.width])

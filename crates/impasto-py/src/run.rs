@@ -1,4 +1,5 @@
-//! One call into the numerics: off the interpreter, interruptible, on threads of our own.
+//! One call into the numerics: off the interpreter, on threads of our own, and interruptible unless it
+//! is brief.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -42,9 +43,9 @@ pub(crate) fn level() -> Level {
     })
 }
 
-/// Samples up to which work is done on the caller's thread, because it is over before anybody would
-/// look at Ctrl-C. Searches call for thousands of such fits, and each thread that is started takes as
-/// long as some of their pixels.
+/// Samples up to which a call is brief: some milliseconds, a tenth of a second for the slowest of the
+/// presets' fits. Searches make thousands of such calls, and to start a thread takes as long as to fit
+/// some pixels.
 const BRIEF: usize = 1 << 16;
 
 /// Runs `work` on a thread of its own with `threads` workers, and waits for it.
@@ -60,7 +61,8 @@ pub(crate) fn call<A: Send>(
     call_on(py, usize::MAX, threads, progress, work)
 }
 
-/// The same, but on the caller's thread where the work is on few samples.
+/// The same; on the caller's thread where the work is as much as on few samples. Ctrl-C and an
+/// exception of `progress`, which is called once, then wait for its end.
 pub(crate) fn call_on<A: Send>(
     py: Python<'_>,
     samples: usize,

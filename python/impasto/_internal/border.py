@@ -31,12 +31,13 @@ class RigArguments:
     @classmethod
     def of(cls, rig: Rig) -> RigArguments:
         """Directions of distant lights and views, positions of near ones."""
+        near_views = rig.near_views
         return cls(
             lights=rig.vectors,
             point=rig.near,
             falloff=rig.falloff,
-            views=np.where(rig.near_views[:, None], rig.view_positions, rig.views),
-            point_view=rig.near_views,
+            views=np.where(near_views[:, None], rig.view_positions, rig.views),
+            point_view=near_views,
             pitch_mm=1.0 if rig.pitch_mm is None else float(rig.pitch_mm),
             origin=rig.origin,
         )

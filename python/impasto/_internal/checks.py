@@ -110,7 +110,7 @@ def is_whole(value: Any) -> TypeGuard[int]:
 
 def picked(chosen: Any, count: int, name: str, noun: str) -> list[int]:
     """Places from 0 on out of ``count``; negative numbers count from the end, as in a list."""
-    whole = isinstance(chosen, np.ndarray) and chosen.ndim == 1 and chosen.dtype.kind in "iu"
+    whole = type(chosen) is np.ndarray and chosen.ndim == 1 and chosen.dtype.kind in "iu"
     try:
         entries = chosen.tolist() if whole else list(chosen)
     except TypeError:

@@ -1,7 +1,8 @@
 """Steps that Python cannot interrupt, taken where Ctrl-C need not wait for them.
 
 Python looks for Ctrl-C between its own steps, and a sort of megapixels, the decoding of a large
-photograph or the flush of a disk is one step each. The numerics look for it themselves.
+photograph or the flush of a disk is one step each. The numerics look for it themselves, but in
+calls on few samples.
 """
 
 from __future__ import annotations
