@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import (
     FARTHEST_MM,
+    LEAST,
+    MOST,
     length_mm,
     number,
     numbers,
@@ -30,6 +32,8 @@ from impasto.refinement import RigRefinement
 
 FRONTAL = (0.0, 0.0, 1.0)
 """The view of a camera far in front of the painting."""
+_NEAREST_MM = 1e-6
+"""A light that is nearer lies on the painting."""
 _KNOWN = "_arrays"
 """Where a rig keeps its lights as arrays."""
 _ROUNDED = 8 * float(np.finfo(np.float64).eps)
@@ -137,7 +141,7 @@ class PointLight:
     def __post_init__(self) -> None:
         vector = _vector(self.position, "position")
         far = math.hypot(*vector)
-        if far < 1e-6:
+        if far < _NEAREST_MM:
             raise GeometryError(
                 f"position: a point light cannot be on the painting, found {self.position}"
             )
@@ -163,7 +167,25 @@ class PointLight:
         # A lamp that lies there has no distance: refused below, in words.
         ratio = (here / far) ** 2 if self.falloff and far > 0.0 else 1.0
         radius = min(self.radius, far / 2)
-        return PointLight(there, self.intensity * ratio, self.falloff, radius)
+        return _point_light(there, far, self.intensity * ratio, self.falloff, radius)
+
+
+def _point_light(
+    position: tuple[float, float, float],
+    far: float,
+    intensity: float,
+    falloff: bool,
+    radius: float,
+) -> PointLight:
+    """A light ``far`` mm away; searches make them by the ten thousand, and checks take longest."""
+    if not (_NEAREST_MM <= far <= FARTHEST_MM and LEAST <= intensity <= MOST):
+        return PointLight(position, intensity, falloff, radius)  # or what is wrong, in words
+    light, set_ = object.__new__(PointLight), object.__setattr__
+    set_(light, "position", position)
+    set_(light, "intensity", intensity)
+    set_(light, "falloff", falloff)
+    set_(light, "radius", radius)
+    return light
 
 
 Light: TypeAlias = DistantLight | PointLight
@@ -421,8 +443,8 @@ class Rig:
             log = np.log(np.linalg.norm(self.vectors, axis=1))
             places = towards * np.exp(over_directions(self.directions, log, towards))[:, None]
             nearest = (towards @ self.directions.T).argmax(axis=1)
-            each = (places, strengths, self.falloff[nearest].tolist(), sizes.tolist())
-            lamps = [near_lamp(*lamp) for lamp in zip(*each, strict=True)]
+            each = (places.tolist(), strengths, self.falloff[nearest].tolist(), sizes.tolist())
+            lamps = [near_lamp((x, y, z), *lamp) for (x, y, z), *lamp in zip(*each, strict=True)]
         else:
             lamps = [
                 DistantLight((x, y, z), strength, radius)
@@ -603,16 +625,15 @@ def _vector(values: Any, name: str) -> list[float]:
 
 
 def near_lamp(
-    position: NDArray[np.float64], intensity: float, falloff: bool, angular_radius: float
+    position: tuple[float, float, float], intensity: float, falloff: bool, angular_radius: float
 ) -> PointLight:
     """A lamp at a place in mm, as large as it seems from the middle of the painting, in radians.
 
     No near lamp is wider than it is far.
     """
-    far = math.hypot(*position.tolist())
+    far = math.hypot(*position)
     radius = min(math.tan(min(angular_radius, math.pi / 4)) * far, far / 2)
-    x, y, z = position.tolist()
-    return PointLight((x, y, z), intensity, falloff, radius)
+    return _point_light(position, far, intensity, falloff, radius)
 
 
 def _angular_radii(rig: Rig) -> NDArray[np.float64]:

@@ -253,7 +253,8 @@ def _rigs(given: Rig, half: float, falloff: bool) -> Callable[[RigNumbers], Rig]
             if isinstance(light, PointLight):
                 lights.append(replace(light, intensity=strength))
             elif w > 0.0:
-                position = half / w * np.array(light.direction)
+                x, y, z = light.direction
+                position = (half / w * x, half / w * y, half / w * z)
                 lights.append(near_lamp(position, strength, falloff, light.radius))
             else:
                 lights.append(DistantLight(light.direction, strength, light.radius))
