@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
-from impasto.rig import PointLight, Rig
+from impasto.lights import PointLight
+from impasto.rig import Rig
 from impasto.simulate.photographs import Forward
 
 Array: TypeAlias = NDArray[np.float64]

@@ -59,11 +59,12 @@ from impasto.io import read_spectra, read_stack
 from impasto.jobs.ingest import ingest
 from impasto.jobs.job import run
 from impasto.level import Level, find_level
+from impasto.lights import DistantLight, PointLight
 from impasto.merge import Merged, MergeReport, merge
 from impasto.plan import Plan, Verification, plan
 from impasto.refinement import RigRefinement
 from impasto.render import display_from_bands, render
-from impasto.rig import DistantLight, PointLight, PointView, Rig
+from impasto.rig import PointView, Rig
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status

@@ -15,7 +15,8 @@ from impasto.errors import ArgumentError
 from impasto.height import integrate_normals
 from impasto.level import Level, as_level
 from impasto.lighting import prepare
-from impasto.rig import FRONTAL, DistantLight, Light, PointView
+from impasto.lights import DistantLight, Light
+from impasto.rig import FRONTAL, PointView
 from impasto.scene import Scene
 from impasto.surface import Relightable
 

@@ -22,7 +22,8 @@ from impasto.fit.reflectance import Reflectance, fit_reflectance
 from impasto.height import integrate_normals
 from impasto.illumination import channel_colours, lamp_colours
 from impasto.level import Level, as_level, find_level
-from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig
+from impasto.lights import DistantLight, PointLight
+from impasto.rig import FRONTAL, PointView, Rig
 from impasto.scene import Scene
 from impasto.surface import Lobe, Relightable, Surface
 from impasto.varnish import Varnish

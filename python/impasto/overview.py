@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from impasto.fit.lafortune import LafortuneSbrdf
 from impasto.fit.result import PerPixelSbrdf, median
 from impasto.fit.segments import SegmentSbrdf
+from impasto.lights import DistantLight
 from impasto.pictures import (
     Panel,
     Picture,
@@ -21,7 +22,6 @@ from impasto.pictures import (
     status_panel,
 )
 from impasto.render import render
-from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.status import Status
 from impasto.surface import Surface

@@ -15,7 +15,8 @@ from impasto.colour.adaptation import Mode
 from impasto.colour.illuminants import checked_illuminant
 from impasto.environment import Environment
 from impasto.errors import ArgumentError, GeometryError
-from impasto.rig import FRONTAL, DistantLight, Light, PointView, Rig
+from impasto.lights import DistantLight, Light
+from impasto.rig import FRONTAL, PointView, Rig
 from impasto.varnish import Varnish
 
 COUNT = "illuminant: expected one per light"

@@ -18,7 +18,8 @@ from impasto._internal.waiting import BRIEF, floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, ImpastoWarning
-from impasto.rig import Light, Rig, Views
+from impasto.lights import Light
+from impasto.rig import Rig, Views
 
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float16, np.float32)
 """Sample types that are read in place and converted block by block."""

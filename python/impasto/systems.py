@@ -30,8 +30,8 @@ from impasto.fit.reflectance import Estimator, Reflectance, fit_reflectance, mat
 from impasto.fit.sbrdf import fit_sbrdf
 from impasto.highlights import leave_out_highlights, reconstruct_highlights
 from impasto.image import Image
+from impasto.lights import DistantLight
 from impasto.render import render
-from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.stack import Stack, checked_stack
 from impasto.training import TrainingSpectra, general_training

@@ -82,6 +82,22 @@ def real(values: Any, name: str, expected: str) -> NDArray[Any]:
         raise ArgumentError(f"{name}: expected {expected}, found {values!r}") from error
 
 
+def three_numbers(values: Any, name: str) -> list[float]:
+    """Finite numbers that single precision holds as positions in mm."""
+    # Searches make lamps by the ten thousand: an array of each takes longer than all else.
+    plain = type(values) is tuple and [*map(type, values)] == [float] * 3
+    array: Any = values if plain else numbers(values, name, "three numbers")
+    vector: list[float] = [*values] if plain else array.tolist()
+    if not (plain or array.shape == (3,)) or not all(map(math.isfinite, vector)):
+        raise ArgumentError(f"{name}: expected three finite numbers, found {values!r}")
+    if max(map(abs, vector)) > FARTHEST_MM:
+        raise ArgumentError(
+            f"{name}: expected numbers of at most {FARTHEST_MM:g}, found {values!r}; "
+            "a light that far away is a DistantLight with a unit direction"
+        )
+    return vector
+
+
 def unmasked(values: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
     """The entries of an array, and where numpy's own mask leaves them out (None: nowhere)."""
     masked = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None

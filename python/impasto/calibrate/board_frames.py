@@ -20,7 +20,7 @@ from impasto.io.notes import Notebook, few
 from impasto.io.session.frames import frame_paths, read_dark
 from impasto.io.session.linear_codes import clipping_code, full_scale, stored_curve
 from impasto.io.session.match import match_names
-from impasto.rig import Light, PointLight
+from impasto.lights import Light, PointLight
 
 CLIPPED = 0.001
 """Share of clipped samples from which means are wrong by as much."""

@@ -69,7 +69,7 @@ def _refusal(
 
 def _has_repair(photographs: Stack, path: Path) -> bool:
     """Whether a light file of directions can replace the one at hand."""
-    from impasto.rig import PointLight
+    from impasto.lights import PointLight
 
     near = any(isinstance(light, PointLight) for light in photographs.rig.lights)
     return path.suffix.lower() != ".npz" and not near

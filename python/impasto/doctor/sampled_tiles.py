@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.rig import PointLight, Rig
+from impasto.lights import PointLight
+from impasto.rig import Rig
 from impasto.stack import Stack
 
 Floats = NDArray[np.float64]

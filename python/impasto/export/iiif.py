@@ -26,8 +26,8 @@ from impasto.fit.stored.picture import check_local
 from impasto.image import Image
 from impasto.io.images.read import read_image
 from impasto.io.images.write import write_jpeg, write_json
+from impasto.lights import DistantLight
 from impasto.render import render
-from impasto.rig import DistantLight
 from impasto.scene import Scene
 
 TILE = 512

@@ -13,9 +13,10 @@ from impasto._internal.checks import length_mm
 from impasto.colour import display_from_coefficients
 from impasto.errors import ArgumentError
 from impasto.lighting import prepare
+from impasto.lights import DistantLight
 from impasto.overview import visible
 from impasto.render import render
-from impasto.rig import DistantLight, PointView
+from impasto.rig import PointView
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 

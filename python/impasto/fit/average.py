@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.fit.normals import Normals
-from impasto.rig import Light, PointLight, Rig
+from impasto.lights import Light, PointLight
+from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Surface

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.rig import PointLight
+from impasto.lights import PointLight
 from impasto.stack import Stack
 
 SAMPLE = 4096

@@ -30,9 +30,10 @@ from impasto.height import integrate_normals
 from impasto.image import Image
 from impasto.io.results import SavedMaps, rig_from_arrays, write_maps
 from impasto.level import Level
+from impasto.lights import DistantLight, PointLight
 from impasto.picture import Fidelity
 from impasto.render import render
-from impasto.rig import FRONTAL, DistantLight, PointLight, PointView, Rig, Views
+from impasto.rig import FRONTAL, PointView, Rig, Views
 from impasto.scene import Scene
 from impasto.stack import Stack
 from impasto.status import Status

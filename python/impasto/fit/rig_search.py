@@ -24,7 +24,8 @@ from impasto._internal.waiting import wait_for_each
 from impasto.fit.bundle_adjustment import BundleAdjustment, Kind, RigNumbers
 from impasto.fit.held_out import RECENT, Comparison, Errors, HeldOut, Surfaces
 from impasto.fit.rig_acceptance import Found, chosen, strengths_differ
-from impasto.rig import DistantLight, Light, PointLight, PointView, Rig, Views, near_lamp
+from impasto.lights import DistantLight, Light, PointLight, near_lamp
+from impasto.rig import PointView, Rig, Views
 from impasto.stack import Stack
 
 _PIXELS = 256

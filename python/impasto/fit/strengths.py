@@ -23,7 +23,8 @@ from impasto.fit.held_out import Comparison, HeldOut, fold_count
 from impasto.fit.lobes import lobe_count
 from impasto.fit.rig_acceptance import Found, chosen, strengths_differ, suited
 from impasto.fit.strength_search import FEWEST, HELPS, ROUNDS, Medians, Rounds, scaled
-from impasto.rig import Light, Rig
+from impasto.lights import Light
+from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
 
 Gauge = Literal["auto", "held", "free"]

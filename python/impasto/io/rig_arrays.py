@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
+from impasto.lights import DistantLight, Light, PointLight
 from impasto.refinement import RigRefinement
-from impasto.rig import DistantLight, Light, PointLight, Rig, Views, viewpoints
+from impasto.rig import Rig, Views, viewpoints
 
 
 def arrays_of_rig(rig: Rig) -> dict[str, NDArray[Any]]:

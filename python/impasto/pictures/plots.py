@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from impasto._internal.extras import need
 from impasto._internal.windows import place
 from impasto.errors import ArgumentError
+from impasto.lights import PointLight
 from impasto.pictures.panels import BACKGROUND, FAINT, INK
-from impasto.rig import PointLight, Rig
+from impasto.rig import Rig
 from impasto.stack import Stack
 from impasto.status import Status
 from impasto.surface import Surface

@@ -19,11 +19,12 @@ from impasto import simulate
 from impasto.errors import ArgumentError
 from impasto.io import write_lights
 from impasto.io.lights import LightFile
+from impasto.lights import PointLight
 from impasto.rehearsal.recorder import BITS, DARK_FRAMES, POSES, Progress, Recorder
 from impasto.rehearsal.relief import Relief
 from impasto.rehearsal.studio import Floats, Lamp, Studio, StudioCamera
 from impasto.rehearsal.things import PAPER, marks, picture, with_card
-from impasto.rig import PointLight, PointView, Rig
+from impasto.rig import PointView, Rig
 from impasto.simulate.cameras import CAMERA_OPTIONS
 from impasto.simulate.lobes import Lobes, lobes
 from impasto.simulate.photographs import Photographs

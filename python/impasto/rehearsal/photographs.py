@@ -15,10 +15,11 @@ import numpy as np
 
 from impasto import simulate
 from impasto.calibrate.chart import GRID, chart_reflectances
+from impasto.lights import PointLight
 from impasto.rehearsal.recorder import BITS, DARK_FRAMES, POSES, Progress, Recorder
 from impasto.rehearsal.studio import Lamp, MirrorBall, Studio, StudioCamera
 from impasto.rehearsal.things import chart, marks, picture, uniform
-from impasto.rig import PointLight, PointView, Rig
+from impasto.rig import PointView, Rig
 from impasto.simulate.sensor import Noise, Sensor
 
 EXPOSURE = 0.45

@@ -15,7 +15,8 @@ from impasto._internal.border import RigArguments
 from impasto._internal.calls import thread_count
 from impasto.height import cast_shadows
 from impasto.lighting import SceneArguments
-from impasto.rig import PointLight, Rig
+from impasto.lights import PointLight
+from impasto.rig import Rig
 from impasto.simulate.fields import Field
 from impasto.simulate.lobes import Lobes
 from impasto.simulate.paintings import Painting

@@ -15,7 +15,8 @@ from impasto.bands import Camera
 from impasto.effects import checked_tolerance
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, GeometryError
-from impasto.rig import PointLight, Rig
+from impasto.lights import PointLight
+from impasto.rig import Rig
 from impasto.simulate.cameras import CAMERA_OPTIONS, CAMERAS
 from impasto.simulate.cameras import camera as camera_named
 from impasto.simulate.fields import check_seed

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.checks import one_of
 from impasto.errors import ArgumentError
-from impasto.rig import FRONTAL, DistantLight, Light, PointLight, Rig
+from impasto.lights import DistantLight, Light, PointLight
+from impasto.rig import FRONTAL, Rig
 
 PITCH_MM = 0.2
 """Default width of a simulated pixel."""

@@ -29,7 +29,8 @@ from impasto.environment import Environment
 from impasto.fit.reflectance import noise_of_spectra
 from impasto.illumination import MIXING_GRID, channel_colours, lamp_colours
 from impasto.lighting import DENSEST, head_on
-from impasto.rig import FRONTAL, DistantLight
+from impasto.lights import DistantLight
+from impasto.rig import FRONTAL
 from impasto.scene import Scene
 from impasto.varnish import Varnish
 

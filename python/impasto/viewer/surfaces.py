@@ -19,9 +19,9 @@ from impasto.fit.reflectance import ReflectanceEstimator, fit_reflectance
 from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
 from impasto.lighting import metallic, prepare
+from impasto.lights import DistantLight
 from impasto.overview import visible
 from impasto.plan import plan
-from impasto.rig import DistantLight
 from impasto.scene import Scene
 from impasto.surface import Relightable, Surface
 from impasto.viewer.colours import colours_of

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impasto.errors import CorruptInputError
 from impasto.io.notes import Note, Notebook, few
-from impasto.rig import DistantLight, Light, PointLight
+from impasto.lights import DistantLight, Light, PointLight
 
 SHORTEST = 1e-4
 """Shorter vectors have no direction (the limit of the relight reader)."""

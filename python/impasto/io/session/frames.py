@@ -17,7 +17,8 @@ from impasto.io.notes import Notebook
 from impasto.io.session.geometry import Geometry
 from impasto.io.session.match import match_names
 from impasto.io.sources import Source
-from impasto.rig import PointLight, Rig
+from impasto.lights import PointLight
+from impasto.rig import Rig
 
 Region: TypeAlias = tuple[int, int, int, int]
 FrameSource: TypeAlias = "str | Path | Sequence[str | Path] | ArrayLike"

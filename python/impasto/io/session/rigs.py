@@ -17,8 +17,9 @@ from impasto.io.lights import LightFile, read_lights
 from impasto.io.notes import Notebook
 from impasto.io.session.frames import Region
 from impasto.io.session.observations import find_lights, is_light_file
+from impasto.lights import Light, PointLight
 from impasto.refinement import RigRefinement
-from impasto.rig import Light, PointLight, Rig, Views, viewpoints
+from impasto.rig import Rig, Views, viewpoints
 
 _STRENGTHS = "light_intensities.txt"
 
