@@ -11,6 +11,7 @@ import pytest
 
 import memory_limits
 import processes
+from impasto import _core
 
 pytestmark = [
     pytest.mark.slow,
@@ -79,7 +80,11 @@ calls = [
     lambda: impasto.fit_normals(large, method="least-squares", threads=1),
     lambda: lobes(normals=normals),
     lambda: lobes(normals=normals, effort=slow),
+    lambda: shadows((64, 64), (0.6, 0.0, 0.8)),
+    lambda: shadows((1, 4096), (99.0, 0.0, 9.0), point=True),
 ]
+def shadows(shape, light, **options):
+    impasto.cast_shadows(np.zeros(shape, np.float32), 0.1, light, threads=1, **options)
 def lobes(**options):
     impasto.fit_sbrdf(part, pooling="pixel", check=False, refine=False, threads=1, **options)
 print([memory_limits.limited(call, {room} << 20)[0] for call in calls])
@@ -87,10 +92,13 @@ print([memory_limits.limited(call, {room} << 20)[0] for call in calls])
 
 
 def test_a_fit_of_few_samples_starts_no_thread() -> None:
-    """65,536 samples and fewer, in a usual search; a thread takes 66 MiB."""
+    """65,536 samples and fewer, in a usual search or along short rays; a thread takes 66 MiB."""
     below, above = (ast.literal_eval(processes.run(BRIEF.format(room=room))) for room in (80, 160))
-    assert below == 2 * [memory_limits.RESULT, memory_limits.REFUSED]
-    assert above == 4 * [memory_limits.RESULT]
+    if _core.build_info()["simd"] == "baseline":  # nothing is quick enough
+        assert below == 6 * [memory_limits.REFUSED]
+    else:
+        assert below == 3 * [memory_limits.RESULT, memory_limits.REFUSED]
+    assert above == 6 * [memory_limits.RESULT]
 
 
 def test_an_ended_process_is_a_fault() -> None:

@@ -15,7 +15,7 @@ from impasto.errors import ArgumentError
 ProgressCallback: TypeAlias = Callable[[int, int], object]
 """Called with (done, total), in tiles unless a call says otherwise.
 
-At most about twenty times a second.
+At most about twenty times a second; by a call on few samples once, at its end.
 """
 
 MOST_THREADS = 64
