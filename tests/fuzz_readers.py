@@ -23,6 +23,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,10 +67,18 @@ WAIT = 1800.0
 
 @dataclass
 class Tally:
-    """What came of a number of cases."""
+    """What came of a number of cases, and the processor seconds that they took."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(
+            self.outcomes + other.outcomes,
+            self.faults + other.faults,
+            self.seconds + other.seconds,
+        )
 
 
 def run(reader: Reader, name: str, seed: int, numbers: Iterator[int], path: Path) -> Tally:
@@ -358,6 +367,7 @@ def main() -> int:
     options.add_argument("--cases", type=int, default=1000, help="of each reader")
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--seconds", type=float, help="of a processor, for each reader: as many")
+    options.add_argument("--processes", type=int, default=1, help="side by side, of --cases")
     options.add_argument("--only", type=int, help="one case")
     options.add_argument("--record", action="store_true")
     options.add_argument("--work", type=Path, help=argparse.SUPPRESS)
@@ -373,20 +383,27 @@ def main() -> int:
     words = " ".join(word for word in sys.argv[1:] if word not in known)
     found = 0
     for one in chosen.readers or known:
-        tally = Tally()
         if chosen.seconds is None:
-            cases, seconds, last = chosen.cases, 0.0, chosen.first + chosen.cases
-            for first in range(chosen.first, last, BATCH):
-                seconds += _batch(one, chosen.seed, first, min(BATCH, last - first), tally)
+            cases = chosen.cases
+            tally = for_cases(
+                one,
+                seed=chosen.seed,
+                first=chosen.first,
+                count=cases,
+                processes=chosen.processes,
+            )
         else:
-            cases, seconds = _for_seconds(one, chosen.seed, chosen.first, chosen.seconds, tally)
+            cases, tally = _for_seconds(one, chosen.seed, chosen.first, chosen.seconds)
         counts = ", ".join(f"{count} {what}" for what, count in tally.outcomes.most_common())
-        print(f"{one}: {cases} cases, {seconds:.0f} s: {counts}", flush=True)  # noqa: T201
+        print(f"{one}: {cases} cases, {tally.seconds:.0f} s: {counts}", flush=True)  # noqa: T201
         for fault in tally.faults[:20]:
             print(f"  {fault}", flush=True)  # noqa: T201
         read, faults = tally.outcomes["read"], len(tally.faults)
         row = {"reader": one, "cases": cases, "read": read, "refused": cases - read - faults}
-        pace = {"per second": cases / seconds, "hours for a million": seconds / cases / 3.6e-3}
+        pace = {
+            "per second": cases / tally.seconds,
+            "hours for a million": tally.seconds / cases / 3.6e-3,
+        }
         found += faults
         if chosen.record:
             # At once: what took hours is not lost with what follows.
@@ -396,24 +413,40 @@ def main() -> int:
     return int(found > 0)
 
 
-def _for_seconds(
-    reader: str, seed: int, first: int, most: float, tally: Tally
-) -> tuple[int, float]:
+def for_cases(reader: str, *, seed: int, first: int, count: int, processes: int) -> Tally:
+    """So many cases, in batches of which several run side by side; the tally is the same."""
+    size = min(BATCH, -(-count // processes))
+    last = first + count
+    with ThreadPoolExecutor(processes) as pool:
+        batches = pool.map(
+            lambda at: _batch(reader, seed, at, min(size, last - at)), range(first, last, size)
+        )
+        return sum(batches, start=Tally())
+
+
+def _for_seconds(reader: str, seed: int, first: int, most: float) -> tuple[int, Tally]:
     """Cases for so many processor seconds: a few, then as many more as these let expect."""
-    done, seconds, batch = 0, 0.0, FIRST_BATCH
-    while seconds < 0.9 * most and not tally.faults:
-        seconds += _batch(reader, seed, first + done, batch, tally)
+    done, tally, batch = 0, Tally(), FIRST_BATCH
+    while tally.seconds < 0.9 * most and not tally.faults:
+        tally += _batch(reader, seed, first + done, batch)
         done += batch
-        batch = min(BATCH, max(1, int((most - seconds) * done / max(seconds, 1e-3))))
-    return done, seconds
+        left = most - tally.seconds
+        batch = min(BATCH, max(1, int(left * done / max(tally.seconds, 1e-3))))
+    return done, tally
 
 
-def _batch(reader: str, seed: int, first: int, count: int, tally: Tally) -> float:
-    """A process of its own; the processor seconds that its cases took."""
+def _batch(reader: str, seed: int, first: int, count: int) -> Tally:
+    """A process of its own."""
     with tempfile.NamedTemporaryFile() as progress:
         words = [sys.executable, __file__, reader, "--seed", seed, "--first", first]
         words += ["--cases", count, "--work", progress.name]
         began = time.perf_counter()
+
+        def ended(outcome: str, what: str) -> Tally:
+            last = " ".join(Path(progress.name).read_text().split())
+            seconds = time.perf_counter() - began
+            return Tally(Counter({outcome: 1}), [f"{last}: {what}"], seconds)
+
         try:
             done = subprocess.run(
                 list(map(str, words)),
@@ -424,19 +457,11 @@ def _batch(reader: str, seed: int, first: int, count: int, tally: Tally) -> floa
                 timeout=WAIT,
             )
         except subprocess.TimeoutExpired:
-            last = " ".join(Path(progress.name).read_text().split())
-            tally.faults.append(f"{last}: waits")
-            tally.outcomes["wait"] += 1
-            return time.perf_counter() - began
+            return ended("wait", "waits")
         if done.returncode:
-            last = " ".join(Path(progress.name).read_text().split())
-            tally.faults.append(f"{last}: ended with {done.returncode}: {done.stderr[-300:]}")
-            tally.outcomes["crash"] += 1
-            return time.perf_counter() - began
+            return ended("crash", f"ended with {done.returncode}: {done.stderr[-300:]}")
     ((outcomes, faults, seconds),) = json.loads(done.stdout.splitlines()[-1]).values()
-    tally.outcomes.update(outcomes)
-    tally.faults += faults
-    return float(seconds)
+    return Tally(Counter(outcomes), faults, float(seconds))
 
 
 if __name__ == "__main__":

@@ -52,3 +52,13 @@ def test_a_fault_is_found(tmp_path: Path) -> None:
     tally = fuzz_readers.run(reader, "x", 1, iter(range(20)), tmp_path / "a.x")
     assert tally.outcomes["fault"] > 10
     assert tally.faults[0].startswith("x --seed 1 --only ")
+
+
+def test_batches_side_by_side_have_the_same_tally(
+    known: dict[str, fuzz_mutations.Reader], tmp_path: Path
+) -> None:
+    here = fuzz_readers.run(known["lp"], "lp", 1, iter(range(3, 43)), tmp_path / "a.lp")
+    apart = fuzz_readers.for_cases("lp", seed=1, first=3, count=40, processes=3)
+    assert apart.outcomes == here.outcomes
+    assert apart.faults == here.faults == []
+    assert apart.seconds > 0.0
