@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.casts import quiet_cast
 from impasto._internal.checks import instance, numbers, picked, unmasked
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.rotation import quarter_turns_of
@@ -335,7 +336,7 @@ def _warn_of_codes(samples: NDArray[Any]) -> None:
     """Point out floats that are whole numbers, as the codes of a camera are."""
     flat = samples.reshape(-1)
     # The mean of two samples near the largest float32 must not overflow.
-    with np.errstate(invalid="ignore"):  # a damaged file may hold NaN that signal
+    with quiet_cast():
         some = np.asarray(flat[:: max(1, flat.size // 4096)], dtype=np.float64)
     known = some[np.isfinite(some)]
     median = float(np.median(known)) if known.size else 0.0

@@ -10,6 +10,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.casts import quiet_cast
 from impasto.errors import ArgumentError
 
 LEAST, MOST = 1e-30, 1e30
@@ -68,7 +69,9 @@ def length_mm(value: Any, name: str) -> float:
 
 def numbers(values: Any, name: str, expected: str) -> NDArray[np.float64]:
     """An array of real numbers of any shape; texts are refused even where they look like one."""
-    return real(values, name, expected).astype(np.float64)
+    found = real(values, name, expected)
+    with quiet_cast():
+        return found.astype(np.float64)
 
 
 def real(values: Any, name: str, expected: str) -> NDArray[Any]:

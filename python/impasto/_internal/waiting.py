@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.calls import share_threads
+from impasto._internal.casts import contiguous
 from impasto._internal.pools import Pool
 from impasto._internal.threads import start
 
@@ -184,11 +185,8 @@ if hasattr(os, "register_at_fork"):
 
 
 def floats(values: ArrayLike) -> NDArray[np.float32]:
-    """An array in single precision, C-contiguous; borrowed if it is that already.
-
-    A number alone becomes ``(1,)``.
-    """
+    """An array in single precision as of :func:`contiguous`; borrowed if it is that already."""
     found = np.asarray(values)
     if found.ndim and found.dtype == np.float32 and found.flags.c_contiguous:
         return found
-    return wait_for(np.ascontiguousarray, found, dtype=np.float32)
+    return wait_for(contiguous, found, np.float32)

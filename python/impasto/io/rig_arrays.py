@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.checks import numbers
 from impasto.errors import ArgumentError
 from impasto.lights import DistantLight, Light, PointLight
 from impasto.refinement import RigRefinement
@@ -44,7 +45,7 @@ def rig_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> Rig:
     ArgumentError
         An array of another shape, named.
     """
-    vectors = np.asarray(arrays["lights"], dtype=np.float64)
+    vectors = numbers(arrays["lights"], "lights", "numbers")
     count = len(vectors)
     near = arrays.get("near", np.zeros(count, bool))
     falloff = arrays.get("falloff", np.ones(count, bool))

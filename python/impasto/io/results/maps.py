@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.casts import contiguous
 from impasto._internal.damage import DAMAGE, damage_of
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.folders import recover
@@ -101,7 +102,7 @@ class SavedMaps:
         )
         if wanted_type.kind == "U":
             return found
-        array = np.ascontiguousarray(found, dtype=wanted_type).reshape(found.shape)
+        array = contiguous(found, wanted_type).reshape(found.shape)
         if wanted_type.kind == "u" and found.dtype != wanted_type:
             self.demand(name, np.array_equal(array, found), f"holds more than {dtype.__name__} can")
         return array
