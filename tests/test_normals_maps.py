@@ -144,6 +144,13 @@ def test_memory_of_some_maps_is_written_again() -> None:
     assert repr(again) == "<PartialNormals 71 x 37 pixels, rank: normal, rejected>"
 
 
+def test_a_fit_needs_all_maps() -> None:
+    some = impasto.fit_normals(stack(), maps=("normal",))
+    words = r"needs all maps .*: normal>; call impasto\.fit_normals without maps="
+    with pytest.raises(impasto.ArgumentError, match=words):
+        impasto.fit_sbrdf(stack(), normals=some)  # type: ignore[call-overload]
+
+
 def test_some_maps_are_cropped_and_rotated() -> None:
     some = impasto.fit_normals(stack(), maps=("normal", "sigma"))
     complete = impasto.fit_normals(stack())

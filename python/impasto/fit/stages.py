@@ -29,6 +29,7 @@ from impasto.fit.learned_relief import (
 from impasto.fit.lobes import LobeSbrdf, fit_lobes, lobe_count
 from impasto.fit.normals import METHODS, LearnedNormals, Method, Normals, fit_normals
 from impasto.fit.options import FitKind, fit_kind
+from impasto.fit.partial_normals import PartialNormals
 from impasto.fit.pooled import Extraction, PooledSbrdf, fit_pooled, without_gloss
 from impasto.fit.relief import Relief
 from impasto.fit.residuals import (
@@ -298,6 +299,11 @@ def start_normals(
 
 def checked_normals(normals: Any, stack: Stack) -> None:
     """Refuse what are no normals of this stack."""
+    if isinstance(normals, PartialNormals):
+        raise ArgumentError(
+            f"normals: a fit needs all maps of impasto.fit_normals, found {normals!r}; call "
+            "impasto.fit_normals without maps="
+        )
     if not isinstance(normals, Normals):
         raise ArgumentError(
             "normals: expected what impasto.fit_normals returns, the name of one of its methods "
