@@ -500,7 +500,10 @@ def test_repaired_lights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     np.testing.assert_allclose(written.directions, right, atol=1e-12)
     assert written.names == bad.names
     assert doctor.examine(altered(bad, lights=written.directions)).usable
-    capsys.readouterr()
+    told = capsys.readouterr().err
+    assert f"{tmp_path / 'good.lp'} written: " in told
+    assert "the directions of 2.tif and 6.tif are exchanged" in told
+    assert "bad.npz keeps its own lights" in told
     assert main(["doctor", str(path), "--write", str(tmp_path / "good.lp")]) == 1
     assert "already exists" in capsys.readouterr().err
 

@@ -10,7 +10,9 @@ from rich.markup import escape
 from rich.text import Text
 
 from impasto.cli import console
+from impasto.cli.checking import written_words
 from impasto.cli.codes import Exit
+from impasto.cli.console import Stages
 from impasto.cli.photographs import Reading
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.npz import npz_names
@@ -51,7 +53,7 @@ def doctor(
         the .zarr of impasto job.
     write
         Write a light file (.lp; .csv with views) with corrected directions, without photographs
-        that occur twice.
+        that occur twice. The exit code is that of the lights as they were given.
     json
         Print JSON for programs.
     """
@@ -80,6 +82,7 @@ def doctor(
         right = repaired_directions(photographs, diagnosis)[kept]
         rig = Rig(right, views=photographs.rig.views[kept])
         write_lights(write, rig, [photographs.names[index] for index in kept])
+        Stages().advise(written_words(diagnosis, photographs, stack, reading, write))
     return Exit.OK if diagnosis.usable else Exit.USER_ERROR
 
 

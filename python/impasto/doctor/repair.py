@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto.doctor.diagnosis import Diagnosis
+from impasto.doctor.diagnosis import Diagnosis, named
 from impasto.doctor.photographs import SAME_LIGHT_DEG
 from impasto.stack import Stack
 
@@ -65,6 +65,30 @@ def kept_observations(diagnosis: Diagnosis) -> list[int]:
             apart = finding.numbers["lights_apart_deg"] >= SAME_LIGHT_DEG
             out |= set(finding.observations[0 if apart else 1 :])
     return [index for index in range(len(diagnosis.names)) if index not in out]
+
+
+def repairs(diagnosis: Diagnosis) -> tuple[list[str], set[str]]:
+    """What a light file of the repaired directions puts right, in words, and the codes of it."""
+    words, codes = [], set()
+    for finding in diagnosis.findings:
+        numbers, names = finding.numbers, diagnosis.names
+        found: list[str] = []
+        if finding.code == "order" and "order" in numbers:
+            found = ["the lights are in the order of the photographs"]
+        elif finding.code == "pairing":
+            pairs = [f"{names[a]} and {names[b]}" for a, b in numbers.get("pairs", [])]
+            found = [f"the directions of {pair} are exchanged" for pair in pairs]
+        elif finding.code == "directions" and numbers.get("repair"):
+            found = [f"{numbers['repair']} replaces each direction (x, y, z)"]
+        if found:
+            words += found
+            codes.add(finding.code)
+    kept = set(kept_observations(diagnosis))
+    left_out = [index for index in range(len(diagnosis.names)) if index not in kept]
+    if left_out:
+        words.append(f"{named(diagnosis.names, left_out)} left out")
+        codes.add("duplicates")
+    return words, codes
 
 
 def repair_matrix(text: str) -> NDArray[np.float64]:
