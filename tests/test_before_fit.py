@@ -122,16 +122,24 @@ def test_the_commands_of_a_refusal_repair_the_stack(
     assert not out.exists()
     told = capsys.readouterr().err
     assert "--no-check fits them as they are" in told
+    assert "1 error: repair the stack before a fit" in told
+    assert "usable" not in told
     repair = [line.split("impasto ", 1)[1] for line in told.splitlines() if "  impasto " in line]
     assert [line.split()[0] for line in repair] == ["doctor", "fit"]
     main(shlex.split(repair[0]))
+    written, go_on = capsys.readouterr().err.splitlines()[-2:]
+    repaired = tmp_path / "my session" / "repaired.lp"
+    what = {"exchanged": "p02.png and p06.png are exchanged", "copied": "p01.png, p05.png left out"}
+    assert written.startswith(f"{repaired} written: ")
+    assert written.endswith(what.get(fault, "replaces each direction (x, y, z)"))
+    assert go_on.endswith(repair[1].replace(str(out), "OUT").removeprefix("impasto "))
     faster = ["--pooling", "none"] if fault == "session" else []
     assert main(shlex.split(repair[1]) + faster) == 0
     assert (out / "report.json").is_file()
     if fault in {"mirrored", "session"}:
-        repaired = read_stack(tmp_path / "my session" / "repaired.lp").rig.directions
+        lights = read_stack(repaired).rig.directions
         # Mirrored back, or turned by half about the normal from that, which no curl tells apart.
-        right = min(np.abs(repaired - given * [s, s, 1]).max() for s in (1, -1))
+        right = min(np.abs(lights - given * [s, s, 1]).max() for s in (1, -1))
         assert right < 1e-9
 
 

@@ -6,6 +6,7 @@ A sample of the pixels and photographs is examined. Only if anything stands out 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,11 +55,13 @@ def before_fit(stack: Stack) -> Diagnosis:
     -------
     Diagnosis
         Only what should be repaired first; no findings as a rule. Mirrored, rotated and shifted
-        lights, exchanged photographs, and photographs that occur under two lights.
+        lights, exchanged photographs, and photographs that occur under two lights. All of them are
+        errors, also those of which :func:`impasto.doctor.examine` only warns.
     """
     found: list[Finding] = []
     if _suspicious(stack):
-        found = [f for f in examine(stack).of("warning", "error") if _spoils(stack, f)]
+        every = examine(stack).of("warning", "error")
+        found = [replace(f, severity="error") for f in every if _spoils(stack, f)]
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
