@@ -103,8 +103,8 @@ def adapting(scene: Scene, frames: int, *, first: float = 0.0, last: float = 1.0
     _checked(scene)
     count = _count(frames)
     for name, degree in (("first", first), ("last", last)):
-        if not 0.0 <= number(degree, name, "d from 0 to 1") <= 1.0:
-            raise ArgumentError(f"{name}: expected d from 0 to 1, found {degree!r}")
+        if not 0.0 <= number(degree, name, "a degree from 0 to 1") <= 1.0:
+            raise ArgumentError(f"{name}: expected a degree from 0 to 1, found {degree!r}")
     return [scene.changed(adaptation=float(d)) for d in np.linspace(first, last, count)]
 
 

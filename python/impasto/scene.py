@@ -152,7 +152,7 @@ class Scene:
         for one in spectra:
             checked_illuminant(one)
         checked_illuminant(reference, "reference")
-        degree = "d from 0 to 1, or None"
+        degree = "a degree from 0 to 1, or None"
         if adaptation is not None and not 0.0 <= number(adaptation, "adaptation", degree) <= 1.0:
             raise ArgumentError(f"adaptation: expected {degree}, found {adaptation}")
         if adaptation_mode not in get_args(Mode):

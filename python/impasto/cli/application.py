@@ -9,8 +9,13 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from cyclopts import App
-from cyclopts.exceptions import CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts import App, Token
+from cyclopts.exceptions import (
+    CycloptsError,
+    MissingArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from impasto._internal.printable import printable
 from impasto.cli import (
@@ -147,7 +152,11 @@ def _version() -> str:
 def _one_line(error: CycloptsError) -> str:
     if isinstance(error, MissingArgumentError) and error.argument and not error.tokens_so_far:
         command = " ".join(error.command_chain or ())
-        return f"{command}: {error.argument.name} is missing or has no value"
+        missing = f"{command}: {error.argument.name} is missing or has no value"
+        unknown = _unknown_option(error)
+        if unknown.endswith(f" {error.argument.name}?"):  # the same mistake
+            return unknown
+        return f"{unknown} {missing}".strip()
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         words = ", ".join(map(repr, error.unused_tokens))
         command = " ".join(error.command_chain or ())
@@ -155,10 +164,24 @@ def _one_line(error: CycloptsError) -> str:
     return " ".join(str(error).split())
 
 
+def _unknown_option(error: MissingArgumentError) -> str:
+    """That an option of a command that lacks one is unknown, as Cyclopts says it otherwise."""
+    if error.app is None:
+        return ""
+    options = error.app.assemble_argument_collection()
+    known = {name for option in options for name in option.names}
+    for word in error.unused_tokens or ():
+        name = word.split("=")[0]
+        if re.match("--?[A-Za-z]", name) and name not in known:
+            token = Token(keyword=name, source="cli")
+            return str(UnknownOptionError(token=token, argument_collection=options, verbose=False))
+    return ""
+
+
 def _in_options(message: str) -> str:
     """A message of the Python API with options for arguments: ``images=`` becomes ``--images``."""
     message = re.sub(rf"^({ARGUMENTS}):", r"--\1:", message.removeprefix("path: "))
-    message = message.replace(" or None, found", ", found")  # an option that is not given
+    message = re.sub(",? or None, found", ", found", message)  # an option that is not given
     message = re.sub(rf"\b({ARGUMENTS})=(?!\w)", r"--\1", message)
     return re.sub(r"--(pitch|diameter|focal|sensor)_mm\b", r"--\1", message)
 
