@@ -302,8 +302,14 @@ def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
         impasto.load_sbrdf(out)
     sbrdf = impasto.fit_sbrdf(stack(), pooling="none", normals="least-squares")
     sbrdf.save(tmp_path / "sbrdf.zarr")
-    with pytest.raises(CorruptInputError, match=r"holds impasto\.PooledSbrdf, not impasto\.Stack"):
-        impasto.read_stack(tmp_path / "sbrdf.zarr")
+    sbrdf.save(tmp_path / "sbrdf.npz")
+    for name in ("sbrdf.zarr", "sbrdf.npz"):
+        words = r"holds the result of a fit \(impasto\.PooledSbrdf\), .*; impasto render, view"
+        with pytest.raises(CorruptInputError, match=words):
+            impasto.read_stack(tmp_path / name)
+    write_stack(tmp_path / "stack.npz", stack())
+    with pytest.raises(CorruptInputError, match=r"npz: holds impasto\.Stack: photographs, not"):
+        impasto.load_sbrdf(tmp_path / "stack.npz")
     with pytest.raises(ArgumentError, match=r"encoding: .* holds a finished stack"):
         impasto.read_stack(out, encoding="srgb")
 

@@ -390,6 +390,11 @@ def test_light_intensities(tmp_path: Path) -> None:
     for wrong in (strengths[:3], -strengths, per_band[:, :2]):
         with pytest.raises(impasto.ArgumentError, match="intensities"):
             read_stack(path, intensities=wrong)
+    (tmp_path / "wrong.txt").write_text("1 1 1\n\n1 1\n")
+    with pytest.raises(impasto.CorruptInputError, match=r"3 in each; found in line 3: '1 1'$"):
+        read_stack(path, intensities=tmp_path / "wrong.txt")
+    with pytest.raises(impasto.CorruptInputError, match=r"lp: expected the strengths .*line 2: '"):
+        read_stack(path, intensities=path)
     np.savetxt(tmp_path / "light_intensities.txt", strengths[:3])
     with pytest.raises(impasto.ArgumentError, match=r"found shape .3,. in .*light_intensities"):
         read_stack(path)

@@ -70,8 +70,29 @@ def other_kind(found: str, wanted: Collection[str]) -> str:
             f"holds {found}: photographs, not the result of a fit; make one of them by impasto job "
             "run, or impasto fit"
         )
-    words = "no result of a fit" if len(wanted) > 1 else f"not {next(iter(wanted))}"
-    return f"holds {found}, {words}"
+    if len(wanted) > 1:
+        return (
+            f"holds {found}, not the result of a fit: expected the folder of impasto fit, its "
+            f"{RESULT}, or the .zarr of impasto job run"
+        )
+    return f"holds {_called(found)}, not {next(iter(wanted))}"
+
+
+def no_photographs(found: str) -> str:
+    """What is wrong with a file of this kind where a stack is expected."""
+    instead = "; impasto render, view and export take this one" if _is_result(found) else ""
+    return (
+        f"holds {_called(found)}, not photographs: expected what impasto ingest or "
+        f"impasto.io.write_stack made of them, or their light file or folder{instead}"
+    )
+
+
+def _called(kind: str) -> str:
+    return f"the result of a fit ({kind})" if _is_result(kind) else kind
+
+
+def _is_result(kind: str) -> bool:
+    return kind.startswith("impasto.") and kind.endswith("Sbrdf")
 
 
 class SavedMaps:
@@ -144,7 +165,8 @@ def checked_maps(
 ) -> Iterator[SavedMaps]:
     """Arrays that were read from a file; errors while they are used mean a damaged file."""
     with damage_of(target, "a result"):
-        found = str(arrays.get("kind", "something else"))
+        bare = STACK if {"samples", "lights"} <= arrays.keys() else "something else"
+        found = str(arrays.get("kind", bare))
     if found not in kinds:
         raise CorruptInputError(target, other_kind(found, kinds))
     try:

@@ -18,6 +18,7 @@ from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.arrays import ArraySource, member, observation
 from impasto.io.npz import read_npz, write_npz
+from impasto.io.results.maps import no_photographs
 from impasto.io.rig_arrays import arrays_of_rig, rig_of_arrays
 from impasto.io.session.frames import check_region
 from impasto.stack import Stack, checked_stack
@@ -95,6 +96,8 @@ def stack_of_arrays(
 ) -> Stack:
     """The stack of a file's arrays; ``part``: how far right and up the centre of a region lies."""
     lost = [key for key in ("samples", "lights") if key not in arrays]
+    if lost and "kind" in arrays:
+        raise CorruptInputError(path, no_photographs(str(arrays["kind"])))
     if lost:
         raise CorruptInputError(
             path, f"has no array {lost[0]!r}, only {sorted(arrays)}: see impasto.io.write_stack"

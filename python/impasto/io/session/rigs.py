@@ -22,6 +22,8 @@ from impasto.refinement import RigRefinement
 from impasto.rig import Rig, Views, viewpoints
 
 _STRENGTHS = "light_intensities.txt"
+_LONGEST = 60
+"""Characters of a wrong line that are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +207,25 @@ def _strengths(
 
 def read_strengths(path: Path) -> NDArray[np.float64]:
     """``(light,)`` or ``(light, band)``: the numbers of a text file, one row for each light."""
-    rows = [line.replace(",", " ").split() for line in read_text(path).splitlines()]
-    try:
-        table = np.array([row for row in rows if row], dtype=np.float64)
-    except ValueError as error:
-        raise CorruptInputError(
-            path, f"expected one row of numbers for each light ({error})"
-        ) from error
+    rows: list[list[float]] = []
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            raise _no_strengths(path, number, line) from None
+        if row and rows and len(row) != len(rows[0]):
+            raise _no_strengths(path, number, line, f", {len(rows[0])} in each")
+        rows += [row] if row else []
+    table = np.array(rows, dtype=np.float64)
     return table[:, 0] if table.ndim == 2 and table.shape[1] == 1 else table
+
+
+def _no_strengths(path: Path, number: int, line: str, more: str = "") -> CorruptInputError:
+    whole = line.strip()
+    found = repr(whole[:_LONGEST]) + ("..." if len(whole) > _LONGEST else "")
+    return CorruptInputError(
+        path,
+        "expected the strengths of the lights, one row of numbers for each light, in the order of "
+        f"the lights{more}; found in line {number}: {found}",
+    )

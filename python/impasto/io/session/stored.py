@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.windows import Window, offset
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.results.maps import STACK
+from impasto.io.results.maps import STACK, no_photographs
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import contents, is_usual, read_array, read_window
 from impasto.io.session.archive import arrays_beside_samples, refuse_options, stack_of_arrays
@@ -52,7 +52,7 @@ class StoredStack:
         self._path = path
         found = str(self._text.get("kind", "something else"))
         if found != STACK:
-            raise CorruptInputError(path, f"holds {found}, not {STACK}: no photographs")
+            raise CorruptInputError(path, no_photographs(found))
         samples = self._arrays.get(SAMPLES)
         if samples is None or samples.tile is None or len(samples.shape) != 4 or 0 in samples.shape:
             raise CorruptInputError(path, "has no array 'samples' (obs, band, y, x) in tiles")
