@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
+import impasto
 from command_line import complaint
 from impasto import simulate
 from impasto.cli import main
@@ -138,3 +140,30 @@ def test_a_file_has_one_scale(
     words = ["export", "ptm", str(result), "--out", str(tmp_path / "a.ptm"), "--width", "12"]
     assert "has no smaller scale" in complaint(words, 1, capsys)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_heights_are_about_the_plane_of_the_panel(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A panel that leans by 15 degrees: both commands take it out, or keep it, and say so."""
+    y, x = np.mgrid[:24, :30]
+    p, q = 0.27 + 0.05 * np.cos(0.7 * x), 0.05 * np.sin(0.6 * y)
+    normal = np.stack([-p, -q, np.ones_like(p)])
+    normal /= np.linalg.norm(normal, axis=0)
+    lights = [(x, y, 0.8) for x, y in ((0.6, 0), (0, 0.6), (-0.6, 0), (0, -0.6))]
+    shown = impasto.Surface(normal, np.full((3, 24, 30), 0.5)).predict(lights)
+    fit = impasto.fit_sbrdf(impasto.Stack(shown, lights=lights), pooling="none")
+    fit.save(tmp_path / "sbrdf.npz")
+    for more in ([], ["--no-level"]):
+        words = [str(tmp_path), "--pitch", "0.1", *more, "--out"]
+        assert main(["height", *words, str(tmp_path / "a.tif")]) == 0
+        alone = capsys.readouterr().err
+        assert main(["export", "height", *words, str(tmp_path / "a.exr")]) == 0
+        exported = capsys.readouterr().err
+        heights = [tifffile.imread(tmp_path / "a.tif"), read_image(tmp_path / "a.exr")[0]]
+        np.testing.assert_allclose(heights[0] - heights[0].mean(), heights[1], atol=1e-5)
+        assert (np.ptp(heights[0]) > 0.5) == bool(more)
+        for said in (alone, exported):
+            assert "lights" not in said
+            about = "degrees to the left; heights are about its own plane (--no-level"
+            assert (about in said) == (not more)

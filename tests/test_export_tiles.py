@@ -154,6 +154,14 @@ def test_heights_and_normals_of_a_store(store: Path, tmp_path: Path) -> None:
     exact = loaded.height(0.2)
     off = found - exact - (found - exact).mean()
     assert np.sqrt(np.mean(off**2)) < 0.02 * (exact.max() - exact.min())
+    turned = impasto.find_level(loaded.normal)
+    report = export.to("height", stored, tmp_path / "a.tif", pitch_mm=0.2, level=True)
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        facts = json.loads(file.pages[0].description)
+        found = file.asarray() * facts["mm_per_code"] + facts["mm_at_code_0"]
+    assert f"the lean ({turned}): heights are about its plane" in report.lost
+    off = found - loaded.height(0.2, level=turned)
+    assert np.sqrt(np.mean((off - off.mean()) ** 2)) < 0.02 * (exact.max() - exact.min())
     export.to("normal-map", stored, tmp_path / "b.tif")
     export.to("normal-map", loaded, tmp_path / "b.png")
     np.testing.assert_array_equal(read_image(tmp_path / "b.tif"), read_image(tmp_path / "b.png"))

@@ -105,5 +105,21 @@ def test_a_fit_has_its_height(tmp_path: Path) -> None:
     impasto.export.to("height", fit, tmp_path / "a.exr")
     stored = impasto.io.read_image(tmp_path / "a.exr")[0]
     np.testing.assert_allclose(stored, found - found.mean(), atol=1e-6 * np.ptp(found))
+    report = impasto.export.to("height", fit, tmp_path / "b.exr", level=True)
+    stored = impasto.io.read_image(tmp_path / "b.exr")[0]
+    np.testing.assert_allclose(stored, fit.height(level=True), atol=1e-6 * np.ptp(found))
+    assert any(words.startswith("the lean (the panel ") for words in report.lost)
+    with pytest.raises(ArgumentError, match="level: expected"):
+        impasto.export.to("height", fit, tmp_path / "c.exr", level="yes")
     with pytest.raises(ArgumentError, match="pitch_mm"):
         fit.height(-1.0)
+    raised = impasto.Surface(normal, np.full((3, 48, 64), 0.5), height=truth, pitch_mm=0.25)
+    impasto.export.to("height", raised, tmp_path / "d.exr", level=True)
+    own = impasto.io.read_image(tmp_path / "d.exr")[0]
+    plane = impasto.find_level(own_normals(own, 0.25))
+    assert plane.angle < 0.2 * impasto.find_level(normal).angle
+
+
+def own_normals(height: np.ndarray, pitch: float) -> np.ndarray:
+    down, right = np.gradient(height, pitch)
+    return np.stack([-right, down, np.ones_like(right)])

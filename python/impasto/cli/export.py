@@ -129,9 +129,23 @@ def mitsuba(result: Result, /, *, out: Folder, common: Common | None = None) -> 
     _export("mitsuba", result, out, common)
 
 
-def height(result: Result, /, *, out: Path, common: Common | None = None) -> None:
-    """Write the height in mm: .exr, .tif (16 bits), or a mesh in .stl or .ply."""
-    _export("height", result, out, common)
+def height(
+    result: Result,
+    /,
+    *,
+    out: Path,
+    level: Annotated[bool, Parameter(negative="--no-level")] = True,
+    common: Common | None = None,
+) -> None:
+    """Write the height in mm: .exr, .tif (16 bits), or a mesh in .stl or .ply.
+
+    Parameters
+    ----------
+    level
+        Heights about the plane of the panel, as of impasto height; --no-level keeps its lean. A
+        round object has no plane.
+    """
+    _export("height", result, out, common, level=level)
 
 
 def normal_map(result: Result, /, *, out: Path, common: Common | None = None) -> None:
@@ -262,6 +276,7 @@ def _export(
     from impasto import export
     from impasto.cli.maps import name_of
     from impasto.cli.scale import scale_of, shown
+    from impasto.cli.scenes import panel_of_heights
     from impasto.export import FORMATS
 
     common = common or Common()
@@ -282,6 +297,8 @@ def _export(
             f"{format_}; give the columns of a scale that it holds, of 16 million pixels at most, "
             "or --region for a detail of as many"
         )
+    if "level" in options:
+        options["level"] = panel_of_heights(stages, part.panel, wanted=options["level"])
     with stages.warned(), stages.stage(format_) as stage:
         report = export.to(
             format_,

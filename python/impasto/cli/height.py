@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from impasto._internal.checks import length_mm
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
-from impasto.cli.scenes import panel
+from impasto.cli.scenes import panel_of_heights
 from impasto.errors import ArgumentError
 
 
@@ -61,7 +61,7 @@ def height(
     if pitch is not None:
         length_mm(pitch, "pitch_mm")
     part = shown(result, None, None, 1)
-    plane = panel(stages, part.panel, wanted=level)
+    plane = panel_of_heights(stages, part.panel, wanted=level)
     with stages.stage("height") as stage:
         out.parent.mkdir(parents=True, exist_ok=True)
         if part.in_parts:

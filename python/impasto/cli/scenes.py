@@ -142,8 +142,25 @@ def say_false_colours(stages: Stages, result: Any, reflectance: Any) -> None:
         )
 
 
-def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
-    """The plane of a panel that leans, if its rotation is wanted; otherwise False."""
+def panel_of_heights(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
+    """The plane about which heights are, as :func:`panel`."""
+    return panel(
+        stages, sbrdf, wanted=wanted, what="heights are about", without="they have its lean"
+    )
+
+
+def panel(
+    stages: Stages,
+    sbrdf: Any,
+    *,
+    wanted: bool,
+    what: str = "the lights shine on",
+    without: str = "as it stood",
+) -> Any:
+    """The plane of a panel that leans, if its rotation is wanted; otherwise False.
+
+    ``what`` its plane is for is said, and what there is ``without``.
+    """
     import impasto
 
     if not wanted:
@@ -151,6 +168,6 @@ def panel(stages: Stages, sbrdf: Any, *, wanted: bool) -> Any:
     stored = isinstance(sbrdf, impasto.StoredSbrdf)
     found = sbrdf.find_level() if stored else impasto.find_level(sbrdf.normal)
     plane = found if found.leans else False
-    words = "; the lights shine on its own plane (--no-level: as it stood)" if plane else ""
+    words = f"; {what} its own plane (--no-level: {without})" if plane else ""
     stages.say(f"  {'':14}[dim]{found}{words}[/]")
     return plane

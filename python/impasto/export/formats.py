@@ -108,6 +108,7 @@ def to(
         Of the painting; default: that of ``out``.
     **options
         ``displaced=True`` of gltf and usd: a mesh of the relief. ``functions="ptm"`` of relight.
+        ``level=True`` of height: about the plane of the panel, as ``height()`` of a result.
         ``scene``, ``url`` and ``quality`` of iiif.
 
     Returns

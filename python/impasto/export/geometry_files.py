@@ -21,6 +21,7 @@ from impasto.export.textures import (
 from impasto.io.files import atomic_bytes
 from impasto.io.images.read import read_image
 from impasto.io.images.write import write_exr, write_png16, write_tiff16
+from impasto.level import Level
 
 SUFFIXES = (".exr", ".tif", ".tiff", ".stl", ".ply")
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -28,20 +29,21 @@ _LOST = ("gloss and everything else but the height",)
 _SURFACE = ("a back: the mesh is a surface, to be closed for printing",)
 
 
-def export_height(source: Source, out: Path) -> LossReport:
+def export_height(source: Source, out: Path, *, level: bool | Level = False) -> LossReport:
     """Write the height; the suffix selects the format.
 
     ``.exr`` holds mm as 32-bit floats (channel ``Z``, NaN where unknown), ``.tif`` 16-bit codes
     with ``mm_per_code`` and ``mm_at_code_0`` in its description, ``.stl`` (binary) and ``.ply``
     (binary, with vertex colours) a mesh in mm, its origin in the middle of the painting, x right, y
-    up, z towards the viewer. Heights are about their mean.
+    up, z towards the viewer. Heights are about their mean, with the lean of the panel, or with
+    ``level`` about its plane.
 
     Raises
     ------
     ArgumentError
         Another suffix, or a mesh of more points than programs hold.
     """
-    height = height_of(source)
+    height, plane = height_of(source, level)
     with export_file(out, *SUFFIXES) as (path, beside):
         suffix = path.suffix.lower()
         if suffix == ".exr":
@@ -59,6 +61,7 @@ def export_height(source: Source, out: Path) -> LossReport:
         lost = _LOST + (_SURFACE if suffix in {".stl", ".ply"} else ())
         if not source.pitch_mm:
             lost += ("the size: 1 mm stands in for the width of a pixel",)
+        lost += lost_lean(plane)
         files = written([path], path.parent)
         report = LossReport(f"height {suffix}", kept, lost, files=files, measured=measured)
         report.save(beside)
@@ -80,6 +83,13 @@ def export_normal_map(source: Source, out: Path) -> LossReport:
         report = normal_map_report(path, angle)
         report.save(beside)
     return report
+
+
+def lost_lean(plane: Level | None) -> tuple[str, ...]:
+    """That heights are about a plane, if they are."""
+    if plane is None:
+        return ()
+    return (f"the lean ({plane}): heights are about its plane",)
 
 
 def normal_map_report(path: Path, angle: Map) -> LossReport:

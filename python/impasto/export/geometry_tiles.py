@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from impasto._internal.windows import Window
 from impasto.errors import ArgumentError
 from impasto.export.folder import export_file
-from impasto.export.geometry_files import angles_between, normal_map_report
+from impasto.export.geometry_files import angles_between, lost_lean, normal_map_report
 from impasto.export.loss import LossReport, written
 from impasto.export.source import Map
 from impasto.export.stored import LOADED, StoredSource
@@ -21,31 +21,35 @@ from impasto.export.textures import FLAT, coded_normals, decoded_normals
 from impasto.fit.stored.height import height_rows
 from impasto.io.files import as_problem_of
 from impasto.io.images.bands_of_rows import TIFF_TILE, write_tiff_rows
+from impasto.level import Level, as_level
 
 SUFFIXES = (".tif", ".tiff")
 _LOST_HEIGHT = "gloss and everything else but the height"
 
 
-def export_height_tiles(source: StoredSource, out: Path) -> LossReport:
+def export_height_tiles(
+    source: StoredSource, out: Path, *, level: bool | Level = False
+) -> LossReport:
     """Write the height as 16-bit codes in a tiled TIFF, with their scale in its description.
 
     It is integrated tile by tile (:meth:`impasto.StoredSbrdf.height`). Codes need the lowest and
     the highest place, so that heights wait as 32-bit floats in a file of their own meanwhile: 4
-    bytes per pixel beside ``out``.
+    bytes per pixel beside ``out``. With ``level`` they are about the plane of the panel.
 
     Raises
     ------
     ArgumentError
-        Another suffix than ``.tif``.
+        Another suffix than ``.tif``, or a plane that bends.
     """
     _check_suffix(source, out, ".tif, whose heights are integrated tile by tile")
+    plane = _plane(source, level)
     rows, columns = source.shape
     with export_file(out, *SUFFIXES) as (path, beside):
         # Not a memory map: a full disk is then an error that can be told, not a signal.
         raw = path.with_name("heights")
         low, high = np.inf, -np.inf
         with raw.open("wb", buffering=0) as file:
-            for band in height_rows(_normals(source), source.shape, source.pitch_mm or 1.0):
+            for band in height_rows(_normals(source, plane), source.shape, source.pitch_mm or 1.0):
                 with as_problem_of(path):
                     _write_all(file, band[0].astype(np.float32).tobytes())
                 low, high = min(low, float(band.min())), max(high, float(band.max()))
@@ -72,6 +76,7 @@ def export_height_tiles(source: StoredSource, out: Path) -> LossReport:
         lost: tuple[str, ...] = (_LOST_HEIGHT,)
         if not source.pitch_mm:
             lost += ("the size: 1 mm stands in for the width of a pixel",)
+        lost += lost_lean(plane)
         report = LossReport(
             "height .tif",
             ("heights in mm as 16-bit codes, with their scale",),
@@ -125,10 +130,18 @@ def normals_of(source: StoredSource, window: Window) -> Map:
     return found
 
 
-def _normals(source: StoredSource) -> Callable[[slice, slice], Map]:
+def _plane(source: StoredSource, level: bool | Level) -> Level | None:
+    plane = source.stored.find_level() if level is True else as_level(level, ())
+    if plane is not None and any(plane.bend):
+        raise ArgumentError("level: the bending of a plane is not taken out tile by tile")
+    return plane
+
+
+def _normals(source: StoredSource, plane: Level | None) -> Callable[[slice, slice], Map]:
     def read(rows: slice, columns: slice) -> Map:
         found: NDArray[Any] = source.stored.map("normal", rows, columns)
-        return np.asarray(found, dtype=np.float32)
+        normal = np.asarray(found, dtype=np.float32)
+        return normal if plane is None else plane.rotated(normal)
 
     return read
 

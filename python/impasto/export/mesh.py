@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError
 from impasto.export.source import Map, Source
-from impasto.fit.result import Sbrdf
 from impasto.height import integrate_normals
+from impasto.level import Level, as_level, level_of_height
 
 MOST_POINTS = 4_000_000
 """Of a mesh: programs for meshes hold some hundred bytes for each."""
@@ -70,26 +70,29 @@ def relief(source: Source, *, height: Map | None = None) -> Grid:
     if min(rows, columns) < 2:
         raise ArgumentError("result: a mesh needs at least 2 x 2 pixels")
     tall, wide = source.size_mm
-    return _grid(height_of(source) if height is None else height, tall, wide, edge=False)
+    return _grid(height_of(source)[0] if height is None else height, tall, wide, edge=False)
 
 
-def height_of(source: Source) -> Map:
+def height_of(source: Source, level: bool | Level = False) -> tuple[Map, Level | None]:
     """``(y, x)`` mm towards the viewer: the height that it has, else its normals, integrated.
 
-    About its mean; without the width of a pixel in pixels. 0 where unknown.
+    About its mean; without the width of a pixel in pixels. 0 where unknown. With ``level`` about
+    the plane of the panel, as :func:`impasto.integrate_normals`, and that plane.
     """
     own, pitch = source.result, source.pitch_mm or 1.0
     lit = own.surface()
     found = lit.height
     if found is None:
-        if isinstance(own, Sbrdf):
-            found = own.height(pitch)
-        else:
-            found = integrate_normals(lit.normal, pitch)
+        plane = as_level(level, lit.normal)
+        found = integrate_normals(lit.normal, pitch, level=False if plane is None else plane)
+    else:
+        plane = level_of_height(found, pitch) if level is True else as_level(level, lit.normal)
+        if plane is not None:
+            found = np.asarray(found - plane.surface(lit.shape, pitch), dtype=np.float32)
     found = np.asarray(found, dtype=np.float32)
     known = np.isfinite(found)
     mean = np.float32(found[known].mean(dtype=np.float64)) if known.any() else np.float32(0.0)
-    return np.where(known, found - mean, np.float32(0.0))
+    return np.where(known, found - mean, np.float32(0.0)), plane
 
 
 def _grid(height: Map, tall: float, wide: float, *, edge: bool) -> Grid:
