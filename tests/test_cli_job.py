@@ -331,7 +331,9 @@ def test_less_memory_than_the_tiles_of_a_job_need_is_told(
     interrupted(source, out, 4)
     capsys.readouterr()
     assert main(["job", "resume", str(out), "--memory", "1"]) == 0
-    assert "memory: tiles of this job have 32 x 32 pixels and need" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "memory: the tiles of this job keep their 32 x 32 pixels, for which it takes" in said
+    assert "impasto job run --no-resume --tile" in said
 
 
 def test_changes_are_listed(
@@ -455,7 +457,9 @@ def test_who_ignores_a_closed_terminal_goes_on() -> None:
     [
         ("job run {stack} --out {out}.npz", 1, "--out: expected a name ending in .zarr"),
         ("job run {stack} --out {out}.zarr --memory x", 1, "--memory: expected bytes"),
+        ("job run {stack} --out {out}.zarr --memory 8MB", 1, "smaller tiles, which take longer"),
         ("job run {stack} --out {out}.zarr --tile 3", 1, "--tile: expected an even number"),
+        ("job run {stack} --out {out}.zarr --pooling segment", 2, 'Choose from: "auto", "none", '),
         ("job run {stack} --out {out}.zarr --region 0 0 9 9", 2, "--region: a job fits the whole"),
         ("job run {stack} --out {out}.zarr --encoding srgb", 1, "--encoding"),
         ("job run nowhere.lp --out {out}.zarr", 1, "nowhere.lp does not exist"),

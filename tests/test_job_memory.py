@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import impasto
-from impasto import ImpastoWarning, jobs
+from impasto import ArgumentError, ImpastoWarning, jobs
 from impasto.cli import main
 from impasto.cli.resuming import DEFAULT_MEMORY
 from impasto.fit.lobes import HALO
@@ -49,6 +49,12 @@ def test_tiles_follow_from_the_memory() -> None:
     assert stride_for(2**31, pixel, (1000, 1000), 3) == 3
     # 672 bytes of each pixel that is learned from: 3,196,000 fit, every 18.3th row and column.
     assert stride_for(2**31, pixel, (32768, 32768), 1) == 19
+    # Half of what a job has: of a tile of 32 rows and columns, no longer one of 48.
+    half = pixel.of_tile((32, 32), (62, 62))
+    with pytest.raises(ArgumentError, match=r"MiB; give .*smaller.*\(tile=32, --tile 32\)$"):
+        tile_for(half, pixel, (1, 1), 15)
+    with pytest.raises(ArgumentError, match=r"give more memory$"):
+        tile_for(1000, pixel, (1, 1), 15)
     assert bytes_of("4GiB") == 2**32
     assert bytes_of("1.5 MB") == 1_500_000
     assert bytes_of(7) == 7
@@ -136,7 +142,7 @@ def test_the_command_line_shows_the_memory_and_the_model(
 
 
 def test_tiles_that_are_too_large_for_less_memory_are_told(unfinished: Path) -> None:
-    with pytest.warns(ImpastoWarning, match="tiles of this job have 64 x 64 pixels and need"):
+    with pytest.warns(ImpastoWarning, match="tiles of this job keep their 64 x 64 pixels"):
         jobs.resume(unfinished, memory="1MB")
 
 

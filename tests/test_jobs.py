@@ -300,7 +300,9 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
         ResumeMismatchError, match=r"fit\.effort\.rounds: the job has 2, this call 1"
     ):
         impasto.run(stack(), out, effort="draft", **OPTIONS)
-    with pytest.raises(ResumeMismatchError, match="tile: the job has 64, this call 32"):
+    with pytest.raises(
+        ResumeMismatchError, match=r"tile: the job has 64, this call 32.*begin anew \(resume=False"
+    ):
         impasto.run(stack(), out, **OPTIONS | {"tile": 32})
     other = impasto.Stack(stack().samples[:, :, ::-1], lights=stack().rig)
     with pytest.raises(ResumeMismatchError, match="a stack in memory has changed since"):
@@ -309,9 +311,11 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
         jobs.resume(out)
     # The memory may be another, and the tile need not be said again.
     impasto.run(stack(), out, memory="50MB", pooling="none")
-    with pytest.raises(ArgumentError, match="resume=False does not replace"):
+    with pytest.raises(ArgumentError, match="does not replace; give another name, or remove it"):
         impasto.run(stack(), out, resume=False, **OPTIONS)
-    with pytest.raises(ResumeMismatchError, match=r"fit\.index"):
+    with pytest.raises(
+        ResumeMismatchError, match=r"finished \(.*fit\.index.*\); give another name, or remove it$"
+    ):
         impasto.run(stack(), out, index=1.6, pooling="painting", tile=64)
 
 

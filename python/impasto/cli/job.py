@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.markup import escape
@@ -38,13 +38,15 @@ from impasto.cli.resuming import (
 from impasto.effort import Preset
 from impasto.errors import ArgumentError, ClusterError, CorruptInputError
 from impasto.fit.normals import Method
-from impasto.fit.options import Model, Pooling
+from impasto.fit.options import Model
 from impasto.fit.pooled import Extraction
 from impasto.io.results.precision import Precision
 
 if TYPE_CHECKING:
     from distributed import Client
 
+Pooling: TypeAlias = Literal["auto", "none", "painting", "pixel"]
+"""Segments cannot be learned from a sample of the pixels."""
 LABEL_WIDTH = 12
 PHASES = {
     "reading": "reading the photographs",
@@ -129,7 +131,7 @@ def run(
         The lobe of the first two papers, or Lafortune lobes.
     pooling
         One gloss for the painting, lobes per pixel, or none; auto: whichever predicts held-out
-        photographs best.
+        photographs best. Segments are for impasto fit alone.
     lobes
         Lobes per pixel: how many at most.
     ambient

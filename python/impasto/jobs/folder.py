@@ -76,12 +76,16 @@ def partial_of(target: Path) -> Path:
     return target.with_name(target.name + PARTIAL)
 
 
-def refuse_differences(job: JobRecord, call: JobRecord, target: Path) -> None:
+def refuse_differences(
+    job: JobRecord, call: JobRecord, target: Path, argument: str = "out"
+) -> None:
     """A job goes on with the same photographs, options and version only."""
     if found := _shown_differences(job, call):
+        anew = argument == "out" and not target.exists()
+        what = "belongs to another job" + (", which is finished" if target.exists() else "")
+        how = "begin anew (resume=False, --no-resume)" if anew else "remove it"
         raise ResumeMismatchError(
-            f"out: {target} belongs to another job ({found}); give another "
-            "name, or begin anew while it is not finished (resume=False, --no-resume)"
+            f"{argument}: {target} {what} ({found}); give another name, or {how}"
         )
 
 
@@ -114,8 +118,8 @@ def earlier_record(target: Path, partial: Path, *, resume: bool) -> JobRecord | 
             return JobRecord.read(file)
         if folder == target:
             raise ArgumentError(
-                f"out: {target} is a finished job, which resume=False does not replace; give "
-                "another name"
+                f"out: {target} is a finished job, which resume=False (--no-resume) does not "
+                "replace; give another name, or remove it"
             )
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -167,7 +167,8 @@ def tile_for(memory: int, pixel: Footprint, source: tuple[int, int], border: int
     if not fitting:
         raise ArgumentError(
             f"memory: tiles of {STEP} x {STEP} pixels of these photographs need "
-            f"{_in_words(2 * needed(STEP))}, found {_in_words(2 * memory)}"
+            f"{in_words(2 * needed(STEP))}, found {in_words(2 * memory)}"
+            + less_words(lambda side: needed(side) <= memory)
         )
     side = fitting[-1]
     both = math.lcm(STEP, *source)
@@ -226,5 +227,14 @@ def bytes_of(memory: Any) -> int:
     return size
 
 
-def _in_words(size: int) -> str:
+def less_words(fits: Callable[[int], bool]) -> str:
+    """What to give where tiles of :data:`STEP` rows and columns need too much memory."""
+    side = next((side for side in range(STEP // 2, SMALLEST - 1, -SMALLEST) if fits(side)), None)
+    if side is None:
+        return "; give more memory"
+    return f"; give more, or smaller tiles, which take longer (tile={side}, --tile {side})"
+
+
+def in_words(size: int) -> str:
+    """Bytes of a memory, for messages."""
     return f"{size / 2**20:.3g} MiB"

@@ -20,7 +20,17 @@ from impasto.io.folders import new_folder
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import group_metadata, zarr_arrays
 from impasto.io.session.stored import SAMPLES, SUFFIX, arrays_of_store
-from impasto.jobs.grid import MOST, STEP, Footprint, Grid, Tile, bytes_of, checked_tile
+from impasto.jobs.grid import (
+    MOST,
+    STEP,
+    Footprint,
+    Grid,
+    Tile,
+    bytes_of,
+    checked_tile,
+    in_words,
+    less_words,
+)
 from impasto.jobs.photographs import (
     Photographs,
     check_source,
@@ -192,7 +202,8 @@ def _tile_for(memory: int, pixel: Footprint) -> int:
     if side < STEP:
         raise ArgumentError(
             f"memory: a tile of {STEP} x {STEP} pixels of these photographs needs "
-            f"{2 * COPIES * pixel.samples * STEP**2} bytes, found {2 * memory}"
+            f"{in_words(2 * COPIES * pixel.samples * STEP**2)}, found {in_words(2 * memory)}"
+            + less_words(lambda smaller: smaller <= side)
         )
     return side // STEP * STEP
 

@@ -24,7 +24,7 @@ from impasto.jobs.folder import (
     refuse_changes,
     refuse_differences,
 )
-from impasto.jobs.grid import bytes_of
+from impasto.jobs.grid import bytes_of, in_words
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
 from impasto.jobs.learning import border_of
@@ -129,7 +129,7 @@ def rerun(
     # One that was interrupted goes on.
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
-        refuse_differences(earlier, record, target)
+        refuse_differences(earlier, record, target, "into")
     made = _repeated(record, folder, source, target, memory, client, threads, progress)
     names = {
         path.relative_to(store).as_posix()
@@ -197,9 +197,10 @@ def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) ->
     needed = photographs.pixel.of_tile(sides, (rows, columns))
     if needed > memory:
         warnings.warn(
-            f"memory: tiles of this job have {sides[0]} x {sides[1]} pixels and need "
-            f"{2 * needed / 2**20:.3g} MiB, more than the {2 * memory / 2**20:.3g} MiB that it may "
-            "take now; begin anew, with smaller tiles, where these are not there",
+            f"memory: the tiles of this job keep their {sides[0]} x {sides[1]} pixels, for which "
+            f"it takes {in_words(2 * needed)}, not {in_words(2 * memory)}; if this machine has "
+            "less, begin anew with smaller tiles: impasto.run(resume=False, tile=), impasto job "
+            "run --no-resume --tile",
             ImpastoWarning,
             stacklevel=4,
         )
