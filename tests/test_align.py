@@ -365,6 +365,8 @@ def test_a_code_of_clipped_samples_is_one(tmp_path: Path) -> None:
     layout = layout_from_markers(EXACT, PAINTING)
     with pytest.raises(ArgumentError, match="saturation: expected the code from which"):
         align(folder, tmp_path / "out", layout, saturation=float("nan"))
+    with pytest.raises(ArgumentError, match="saturation: expected at most"):
+        align(folder, tmp_path / "out", layout, saturation=65536)
     assert not (tmp_path / "out").exists()
 
 

@@ -282,6 +282,8 @@ def test_a_code_of_clipped_samples_is_one(tmp_path: Path) -> None:
     for saturation in (np.nan, 0.0, -3.0):
         with pytest.raises(ArgumentError, match="saturation: expected the code from which"):
             tone_from_patches(*series, saturation=saturation)
+    with pytest.raises(ArgumentError, match=r"at most 65535, .*found 65536"):
+        tone_from_patches(*series, saturation=65536)
 
 
 def test_exposures_that_are_clipped_or_contradict_each_other(tmp_path: Path) -> None:

@@ -229,6 +229,11 @@ def test_saturation_level_follows_the_curve(tmp_path: Path) -> None:
         np.testing.assert_array_equal(clipped[:, 1:], codes[:, 1:] == 255)
     with pytest.raises(impasto.ArgumentError, match="saturation"):
         read_stack(path, saturation=[250, 255])
+    for curve in ("linear", "srgb"):
+        with pytest.raises(impasto.ArgumentError, match=r"at most 255, .* 8 bits, found 255, 300"):
+            read_stack(path, encoding=curve, saturation=[255, 255, 300])
+    never = read_stack(path, saturation=np.inf)
+    assert not np.isinf(np.stack([never.linear(i) for i in range(COUNT)])).any()
 
 
 def test_mask_from_file_and_array(tmp_path: Path) -> None:

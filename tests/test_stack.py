@@ -77,6 +77,16 @@ def test_integers_know_their_full_scale() -> None:
     assert np.isposinf(linear[0, 0, 2])
 
 
+def test_a_code_that_integers_do_not_reach_clips_nothing() -> None:
+    codes = np.full((3, 1, 1, 1), 255, np.uint8)
+    with pytest.raises(ArgumentError, match="saturation: expected at most 255, the largest code"):
+        stack(codes, saturation=300)
+    assert not np.isinf(stack(codes, saturation=np.inf).linear(0)).any()
+    # Floats, and codes with a scale of their own, may be any.
+    assert stack(codes.astype(np.float32), saturation=300).saturation == 300
+    assert stack(codes, saturation=300, scale=0.01).saturation == 300
+
+
 def test_black_and_scale_turn_stored_into_linear() -> None:
     codes = np.full((3, 1, 1, 1), 164, np.uint16)
     linear = stack(codes, black=64.0, scale=0.005, saturation=4095).linear(1)

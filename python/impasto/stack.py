@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.casts import quiet_cast
-from impasto._internal.checks import instance, numbers, picked, unmasked
+from impasto._internal.checks import instance, numbers, picked, reachable, unmasked
 from impasto._internal.named import coordinate, in_order, is_named, light_directions
 from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.waiting import BRIEF, floats, wait_for
@@ -67,7 +67,7 @@ class Stack:
         ``(y, x)`` bool, True where the painting is; default: everywhere.
     saturation
         Stored value(s) from which a sample counts as clipped, one or one per band; default: the
-        largest integer of an integer type, none for floats.
+        largest integer of an integer type, none for floats. Infinite: no sample is clipped.
     scale, black
         Stored to linear, one or one per band; default: full scale of an integer type is 1.0.
     encoding
@@ -121,7 +121,8 @@ class Stack:
                 "lights: expected directions (obs, 3), lights or a Rig, found none; a DataArray "
                 "may have them as coordinates light_x, light_y and light_z"
             )
-        array, full = _samples(samples, scaled=scale is not None)
+        codes = scale is None
+        array, full = _samples(samples, scaled=not codes)
         if scale is None and full is None:
             _warn_of_codes(array)
         rig = Rig(lights, views=views, pitch_mm=pitch_mm)
@@ -157,6 +158,8 @@ class Stack:
                 "saturation: expected the level from which samples are clipped, above 0, found "
                 f"{self.saturation.tolist()}"
             )
+        if self.saturation is not None and full is not None and codes:
+            reachable(self.saturation, int(full))
         set_(self, "scale", _per_band(scale, count, "scale"))
         set_(self, "black", _per_band(black, count, "black"))
         set_(self, "encoding", encoding)

@@ -62,6 +62,19 @@ def positive(
     return found
 
 
+def reachable(levels: NDArray[np.float64], full: int) -> None:
+    """Refuse codes of saturation that no integer reaches: nothing would count as clipped.
+
+    Infinity says just that.
+    """
+    if (np.isfinite(levels) & (levels > full)).any():
+        found = ", ".join(f"{one:g}" for one in np.unique(levels))
+        raise ArgumentError(
+            f"saturation: expected at most {full}, the largest code of {full.bit_length()} bits, "
+            f"found {found}"
+        )
+
+
 def length_mm(value: Any, name: str) -> float:
     """A positive width in mm."""
     return positive(value, name, "a positive width in mm", 1.0 / FARTHEST_MM, FARTHEST_MM)

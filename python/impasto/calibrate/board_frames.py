@@ -152,7 +152,7 @@ class _Reader:
         self._curve = Encoding(stored_curve(header, encoding), full)
         self._clipped = full if integer else np.inf
         if saturation is not None:
-            self._clipped = clipping_code(saturation)
+            self._clipped = clipping_code(saturation, header)
         bands = shape[0]
         found = numbers(reflectance, "reflectance", "a positive number, or one per band").ravel()
         if len(found) not in {1, bands} or not (found > 0).all():

@@ -99,7 +99,7 @@ def read_series(
     wide, high = (int(np.ptp(axis)) + 1 for axis in np.nonzero(lit)[::-1])
     along = lit if wide >= high else lit.T
     pairs = along[:, 1:] & along[:, :-1]
-    code = clipping_code(saturation) if saturation is not None else _full(header)
+    code = clipping_code(saturation, header) if saturation is not None else _full(header)
     means, variance, clipped = [], [], []
     for path in paths:
         planes = _light(path, header, encoding, black)

@@ -147,7 +147,7 @@ def exposure_samples(
 
 def _scale(header: ImageHeader, saturation: float | None) -> tuple[float, float]:
     full = float(full_scale(header)) if header.dtype.kind == "u" else 1.0
-    return full, full if saturation is None else clipping_code(saturation)
+    return full, full if saturation is None else clipping_code(saturation, header)
 
 
 def _least(header: ImageHeader) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impasto._internal.checks import positive
+from impasto._internal.checks import positive, reachable
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError
 from impasto.io.images import MAX_PIXELS, ImageHeader, load_image
@@ -62,7 +62,7 @@ def linear_table(
 ) -> tuple[NDArray[np.uint16] | None, float | None]:
     """What makes linear codes of a file's; None where they are, and the code of clipped ones."""
     if saturation is not None:
-        saturation = clipping_code(saturation)
+        saturation = clipping_code(saturation, header)
     if header.dtype.kind == "f":
         if encoding not in {None, "linear"}:
             raise ArgumentError(f"encoding: {header.path.name} holds floats, which are linear")
@@ -77,9 +77,12 @@ def linear_table(
     return table, float(table[int(np.clip(clipped, 0, top))])
 
 
-def clipping_code(saturation: float) -> float:
-    """The code from which samples are clipped, if it is one."""
-    return positive(saturation, "saturation", "the code from which samples are clipped")
+def clipping_code(saturation: float, header: ImageHeader) -> float:
+    """The code from which samples are clipped, if it is one of the file."""
+    code = positive(saturation, "saturation", "the code from which samples are clipped")
+    if header.dtype.kind == "u":
+        reachable(np.array([code]), full_scale(header))
+    return code
 
 
 def full_scale(header: ImageHeader) -> int:

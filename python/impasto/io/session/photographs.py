@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.checks import reachable
 from impasto._internal.recycling import empty
 from impasto._internal.waiting import wait_for
 from impasto.encoding import Encoding
@@ -266,8 +267,11 @@ def _saturation(
     saturation: ArrayLike | None, count: int, full: float | None
 ) -> NDArray[np.float64] | None:
     if saturation is None:
-        saturation = full
-    return None if saturation is None else _per_band(saturation, count, "saturation")
+        return None if full is None else _per_band(full, count, "saturation")
+    levels = _per_band(saturation, count, "saturation")
+    if full is not None:
+        reachable(levels, int(full))
+    return levels
 
 
 def _board(
