@@ -21,7 +21,7 @@ use super::normal_equations::{
 use super::photographs::Photographs;
 use super::prior::Prior;
 use super::search::Freedom;
-use super::tile::{Estimate, TileSamples, gather, runs_by_lobes};
+use super::tile::{Estimate, TileSamples, gather, gather_normal, runs_by_lobes};
 use super::weights::Shown;
 
 /// Share of its diagonal that is added to the matrix of a step.
@@ -243,14 +243,7 @@ impl<
     fn run(&mut self) {
         let zero = R::zero();
         let estimates = &*self.rounds.estimates;
-        let mut here = Point {
-            normal: Vec3::new(
-                gather(estimates, self.at, |estimate| estimate.normal[0]),
-                gather(estimates, self.at, |estimate| estimate.normal[1]),
-                gather(estimates, self.at, |estimate| estimate.normal[2]),
-            ),
-            shapes: [zero; N],
-        };
+        let mut here = Point { normal: gather_normal(estimates, self.at), shapes: [zero; N] };
         for i in 2..N {
             let (lobe, shape) = ((i - 2) / M::SHAPES, (i - 2) % M::SHAPES);
             here.shapes[i] = gather(estimates, self.at, |estimate| estimate.shapes[lobe][shape]);

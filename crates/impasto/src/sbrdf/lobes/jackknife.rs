@@ -34,7 +34,9 @@ use super::bounds::light_of;
 use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
 use super::reweight::{COLUMNS, Solution};
-use super::tile::{Estimate, TILE, TileSamples, gather, gather_lobes, runs_by_lobes};
+use super::tile::{
+    Estimate, TILE, TileSamples, gather, gather_lobes, gather_normal, runs_by_lobes,
+};
 
 /// `kappa`, calibrated on path-traced objects of known normals (docs/numerics.md).
 const SMOOTH: f64 = 4.0;
@@ -185,11 +187,7 @@ struct Pixels<R: Real, M: LobeEstimation, const J: usize> {
 impl<R: Real<Scalar = f32>, M: LobeEstimation, const J: usize> Pixels<R, M, J> {
     #[inline(always)]
     fn gathered(photographs: &Photographs<M>, estimates: &[Estimate], at: usize) -> Self {
-        let normal = Vec3::new(
-            gather::<R>(estimates, at, |p| p.normal[0]),
-            gather(estimates, at, |p| p.normal[1]),
-            gather(estimates, at, |p| p.normal[2]),
-        );
+        let normal = gather_normal(estimates, at);
         let lobes = gather_lobes(&photographs.model, estimates, at);
         let count = gather(estimates, at, |p| p.lobes as f32);
         Self { normal, tilts: tangents(normal), count, lobes }

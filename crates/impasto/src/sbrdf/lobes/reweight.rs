@@ -7,14 +7,16 @@ use core::ops::Range;
 
 use crate::math::elementary::{exp, ln};
 use crate::math::lanes::Isa;
-use crate::math::{Kernel, Level, Real, Vec3};
+use crate::math::{Kernel, Level, Real};
 
 use super::bounds::{self, BandColumns, BandSamples, light_of, weight_at};
 use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, Visit};
 use super::neutral::{NeutralTest, ResidualSum};
 use super::photographs::Photographs;
-use super::tile::{Estimate, ROUNDING, TILE, TileSamples, gather, gather_lobes, runs_by_lobes};
+use super::tile::{
+    Estimate, ROUNDING, TILE, TileSamples, gather, gather_lobes, gather_normal, runs_by_lobes,
+};
 use super::weights::Shown;
 use crate::lm::nnls::Sums;
 
@@ -104,11 +106,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ReweightPass<
         let mut trial = vec![[zero; K]; bands];
         let mut bounded = Vec::new();
         for at in range.step_by(I::F32::WIDTH) {
-            let normal = Vec3::new(
-                gather(estimates, at, |p| p.normal[0]),
-                gather(estimates, at, |p| p.normal[1]),
-                gather(estimates, at, |p| p.normal[2]),
-            );
+            let normal = gather_normal(estimates, at);
             let count: I::F32 = gather(estimates, at, |p| p.lobes as f32);
             let lobes = gather_lobes::<I::F32, M, J>(&photographs.model, estimates, at);
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));

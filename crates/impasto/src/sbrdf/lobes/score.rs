@@ -1,11 +1,11 @@
 //! The cost of starts before any step, in a tenth of the time of a search from each.
 
 use crate::math::lanes::{Isa, MAX_LANES};
-use crate::math::{Kernel, Level, Real, Vec3};
+use crate::math::{Kernel, Level, Real};
 
 use super::model::{LobeEstimation, Visit};
 use super::photographs::Photographs;
-use super::tile::{Estimate, STRIDE, TileSamples, gather, gather_lobes};
+use super::tile::{Estimate, STRIDE, TileSamples, gather_lobes, gather_normal};
 use crate::lm::nnls::Sums;
 
 /// Evaluates one start of some pixels.
@@ -55,11 +55,7 @@ impl<M: LobeEstimation, const J: usize, const K: usize> Kernel for ScorePass<'_,
         let width = I::F32::WIDTH;
         for some in pixels.chunk_by(|a, b| a / width == b / width) {
             let at = some[0] / width * width;
-            let normal = Vec3::new(
-                gather::<I::F32>(starts, at, |p| p.normal[0]),
-                gather(starts, at, |p| p.normal[1]),
-                gather(starts, at, |p| p.normal[2]),
-            );
+            let normal = gather_normal(starts, at);
             let lobes = gather_lobes::<I::F32, M, J>(&photographs.model, starts, at);
             let (px, py) = (I::F32::load(&x[at..]), I::F32::load(&y[at..]));
             let mut sums = Sums::<I::F32, K>::zero();

@@ -33,6 +33,16 @@ pub(super) fn gather<R: Real<Scalar = f32>>(
     R::load(&lanes)
 }
 
+/// The normals of the estimates from `at` on.
+#[inline(always)]
+pub(super) fn gather_normal<R: Real<Scalar = f32>>(estimates: &[Estimate], at: usize) -> Vec3<R> {
+    Vec3::new(
+        gather(estimates, at, |estimate| estimate.normal[0]),
+        gather(estimates, at, |estimate| estimate.normal[1]),
+        gather(estimates, at, |estimate| estimate.normal[2]),
+    )
+}
+
 /// The lobes of the estimates from `at` on.
 #[inline(always)]
 #[allow(clippy::needless_range_loop, reason = "loops with indices stay in line")]
@@ -363,11 +373,7 @@ impl LobeFitTile {
     fn shade<R: Real<Scalar = f32>>(&mut self, rig: &Rig, at: usize) {
         let zero = R::zero();
         let bands = self.colour.bands;
-        let normal = Vec3::new(
-            gather::<R>(&self.estimates, at, |place| place.normal[0]),
-            gather(&self.estimates, at, |place| place.normal[1]),
-            gather(&self.estimates, at, |place| place.normal[2]),
-        );
+        let normal = gather_normal(&self.estimates, at);
         let (x, y) = (R::load(&self.x[at..]), R::load(&self.y[at..]));
         let mut mean = zero;
         for band in 0..bands {

@@ -216,7 +216,8 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
 
     /// Rounds of one step each.
     fn fused_rounds(&self, tile: &mut LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
-        let passes = (self.options.rounds * tile.pixels.len()) as u64;
+        // The last place is looked at, too.
+        let passes = ((self.options.rounds + 1) * tile.pixels.len()) as u64;
         self.selection().count(Purpose::AllBands, || {
             FusedRounds {
                 photographs: self.photographs,
