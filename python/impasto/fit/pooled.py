@@ -162,7 +162,8 @@ class PooledSbrdf(Sbrdf):
             elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
         lobe += " under a varnish" * self.coated
-        return lobe if self.converged else f"{lobe}; {self._under_way()}"
+        settled = self.converged or self.verdict == "no-highlight"
+        return lobe if settled else f"{lobe}; {self._under_way()}"
 
     def _under_way(self) -> str:
         """How much the last step changed the lobe, compared with its standard deviations."""
