@@ -9,15 +9,30 @@ import numpy as np
 import pytest
 
 import impasto
-from impasto import ArgumentError, Rig, Stack, doctor, fit_sbrdf, read_stack
+from impasto import (
+    ArgumentError,
+    ImpastoWarning,
+    Rig,
+    Stack,
+    doctor,
+    fit_sbrdf,
+    read_stack,
+    simulate,
+)
 from impasto._internal.wording import factor, scatter
 from impasto.cli import main
+from impasto.doctor.before_fit import refuse_faults, spoiling
 from impasto.io import Session, write_lights, write_png16, write_session, write_stack
 from test_doctor import RIGS, altered, captured
 
 
 def codes(stack: Stack) -> set[str]:
-    return {finding.code for finding in doctor.before_fit(stack).findings}
+    """What stops a fit."""
+    return {finding.code for finding in spoiling(doctor.before_fit(stack))}
+
+
+def warned(stack: Stack) -> set[str]:
+    return {finding.code for finding in doctor.before_fit(stack).of("warning")}
 
 
 def lit(stack: Stack, directions: np.ndarray) -> Stack:
@@ -35,7 +50,7 @@ def exchanged(directions: np.ndarray, first: int, second: int) -> np.ndarray:
 @pytest.mark.parametrize("relief", [0.0, 0.3, 3.0])
 def test_nothing_stops_a_healthy_stack(rig: str, varnish: str | None, relief: float) -> None:
     stack = captured(4, rig, varnish, relief=relief)
-    assert codes(stack) == set()
+    assert codes(stack) == warned(stack) == set()
     rng = np.random.default_rng(int(10 * relief))
     for count in (3, 4, 5, 6, 8):
         some = np.sort(rng.choice(len(stack.rig), count, replace=False))
@@ -57,6 +72,39 @@ def test_what_spoils_a_fit_stops_it(rig: str, varnish: str) -> None:
     samples = stack.samples.copy()
     samples[5] = samples[1]
     assert "duplicates" in codes(altered(stack, samples=samples))
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("varnish", [None, "matte", "gloss"])
+def test_lights_in_any_other_order_are_warned_of(rig: str, varnish: str | None) -> None:
+    stack = captured(3, rig, varnish)
+    given = stack.rig.directions
+    shuffled = lit(stack, given[np.random.default_rng(5).permutation(len(given))])
+    assert codes(shuffled) == set()
+    assert warned(shuffled) == {"order"}
+    with pytest.warns(ImpastoWarning, match="no better than with their lights in random order"):
+        refuse_faults(shuffled)
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.1])
+def test_a_plane_under_a_ring_of_uneven_lamps_is_in_no_random_order(relief: float) -> None:
+    """Its photographs are alike but for the strengths of the lamps, under any list of lights."""
+    turn = np.arange(16) * np.pi / 8.0
+    ring = np.stack([0.7 * np.cos(turn), 0.7 * np.sin(turn), np.full(16, 0.714)], axis=1)
+    painting = simulate.painting(0, (72, 72), varnish="matte", relief=relief, pitch_mm=0.5)
+    lights = [impasto.DistantLight((*one,), 0.5) for one in ring.tolist()]
+    rig = Rig(lights, pitch_mm=0.5)
+    stack = simulate.capture(painting, rig, "rgb", encoding="srgb", bits=8, exposure=0.5).stack
+    assert codes(stack) == warned(stack) == set()
+
+
+def test_lights_close_together_are_warned_of_and_too_few_are_an_error() -> None:
+    stack = captured(3, RIGS[0], "matte")
+    close = np.sort(np.argsort(stack.rig.directions[:, 0])[:4])
+    assert warned(stack.take(close)) == {"coverage"}
+    few = doctor.before_fit(stack.take([0, 1]))
+    assert [finding.code for finding in few.of("error")] == ["lights"]
+    assert spoiling(few) == ()  # the fit itself says so
 
 
 def test_equal_photographs_of_a_plane_are_no_copies() -> None:

@@ -7,6 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
+
 from impasto.errors import ArgumentError
 from impasto.io.session_toml import is_session
 
@@ -31,12 +33,17 @@ def refuse_faults(
         With the findings, and the commands that repair them.
     """
     from impasto.doctor import before_fit
+    from impasto.doctor.before_fit import spoiling
 
     with stages.stage("check") as stage:
         diagnosis = before_fit(photographs)
         stage.note = diagnosis.verdict
-    if diagnosis.findings:
+    if spoiling(diagnosis):
         raise _RefusedError(_refusal(diagnosis, photographs, path, reading, out))
+    for finding in diagnosis.findings:
+        stages.say(
+            f"  [yellow]{finding.code}:[/] {escape(finding.message)}; {escape(finding.advice)}"
+        )
 
 
 class _RefusedError(ArgumentError):
@@ -48,8 +55,10 @@ class _RefusedError(ArgumentError):
 def _refusal(
     diagnosis: Diagnosis, photographs: Stack, path: Path, reading: Reading, out: Path
 ) -> str:
+    from impasto.doctor.before_fit import spoiling
+
     lines = ["the photographs and their lights do not belong together:"]
-    for finding in diagnosis.findings:
+    for finding in spoiling(diagnosis):
         lines += [f"  {finding.code}: {finding.message}", f"  -> {finding.advice}"]
     if _has_repair(photographs, path):
         repaired = (path if path.is_dir() else path.parent) / REPAIRED

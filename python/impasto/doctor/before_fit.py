@@ -6,6 +6,8 @@ A sample of the pixels and photographs is examined. Only if anything stands out 
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,12 +19,13 @@ from impasto._internal.border import RigArguments
 from impasto.doctor.diagnosis import Diagnosis, Finding
 from impasto.doctor.directions import directions
 from impasto.doctor.examination import examine, surface_of
+from impasto.doctor.lights import CODES, lights
 from impasto.doctor.order import order
 from impasto.doctor.pairing import measure_similarity, pairing
 from impasto.doctor.photographs import SAME_LIGHT_DEG, duplicates
 from impasto.doctor.sampled_tiles import SampledTiles
 from impasto.doctor.surface import shading
-from impasto.errors import ArgumentError
+from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.stack import Stack
 
 _PHOTOGRAPHS = 24
@@ -42,7 +45,7 @@ _DIFFER = 0.01
 
 
 def before_fit(stack: Stack) -> Diagnosis:
-    """The faults of a stack that spoil a fit: of light directions, pairs and copies.
+    """Faults that spoil a fit, and lights that are too few or too much alike for a good one.
 
     Takes about 1 % of the time of a fit of one megapixel if there are none.
 
@@ -54,54 +57,73 @@ def before_fit(stack: Stack) -> Diagnosis:
     Returns
     -------
     Diagnosis
-        Only what should be repaired first; no findings as a rule. Mirrored, rotated and shifted
-        lights, exchanged photographs, and photographs that occur under two lights. All of them are
-        errors, also those of which :func:`impasto.doctor.examine` only warns.
+        No findings as a rule. Errors are mirrored, rotated and shifted lights, exchanged
+        photographs, and photographs that occur under two lights, also where
+        :func:`impasto.doctor.examine` only warns of them. The directions alone have the severities
+        that they have there; lights that fit no better than in random order are a warning.
     """
-    found: list[Finding] = []
-    if _suspicious(stack):
+    some, warned = _suspicious(stack)
+    found = [f for f in lights(stack) if f.severity in {"warning", "error"}] + warned
+    if some:
         every = examine(stack).of("warning", "error")
-        found = [replace(f, severity="error") for f in every if _spoils(stack, f)]
+        found += [replace(f, severity="error") for f in every if _spoils(stack, f)]
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
 def refuse_faults(stack: Stack) -> None:
-    """Raise an error if :func:`before_fit` finds anything.
+    """Raise an error if :func:`before_fit` finds any, and warn of what else it finds.
 
     Raises
     ------
     ArgumentError
         With the findings, and how to go on.
     """
-    faults = before_fit(stack).findings
+    diagnosis = before_fit(stack)
+    faults = spoiling(diagnosis)
     if faults:
-        words = "; ".join(f"{fault.message} ({fault.advice})" for fault in faults)
-        raise ArgumentError(
-            f"stack: {words}; impasto.doctor.examine(stack) says more, check=False fits it as it is"
-        )
+        words = f"{_words(faults)}; impasto.doctor.examine(stack) says more"
+        raise ArgumentError(f"stack: {words}, check=False fits it as it is")
+    if diagnosis.findings:
+        words = f"stack: {_words(diagnosis.findings)}"
+        warnings.warn(words, ImpastoWarning, stacklevel=3)
 
 
-def _suspicious(stack: Stack) -> bool:
-    """Whether a sample of the stack shows any of the faults."""
+def spoiling(diagnosis: Diagnosis) -> tuple[Finding, ...]:
+    """What a fit must not begin with, of all that :func:`before_fit` has found.
+
+    Of lights that determine no normals the fit itself says so, pixel by pixel.
+    """
+    return tuple(finding for finding in diagnosis.of("error") if finding.code not in CODES)
+
+
+def _words(findings: Sequence[Finding]) -> str:
+    return "; ".join(f"{finding.message} ({finding.advice})" for finding in findings)
+
+
+def _suspicious(stack: Stack) -> tuple[bool, list[Finding]]:
+    """Whether a sample of the stack shows any of the faults; and what it warns of."""
     sampled = SampledTiles.of(stack, most=_PIXELS)
     if surface_of(sampled, stack.rig.directions) is None or _is_black(stack, sampled):
-        return False
+        return False, []
     similarity = measure_similarity(sampled)
+    orders = order(sampled)[0]
+    warned = [finding for finding in orders if finding.severity == "warning"]
     found = [
         *duplicates(stack, sampled, similarity),
-        *order(sampled)[0],
+        *orders,
         *pairing(stack, sampled, similarity),
     ]
     if any(_spoils(stack, finding) for finding in found):
-        return True
+        return True, []
     count = len(stack.rig)
     some = np.unique(np.linspace(0, count - 1, min(count, _PHOTOGRAPHS)).astype(int)).tolist()
     relief = SampledTiles.of(stack, photographs=some, most=_RELIEF_SAMPLES // len(some))
     surface = surface_of(relief, stack.rig.directions[some])
     if surface is None:
-        return False
+        return False, warned
     (finding,) = directions(relief, surface, stack.rig.directions[some]) or (None,)
-    return finding is not None and (_spoils(stack, finding) or _undecided(finding))
+    curled = finding is not None and (_spoils(stack, finding) or _undecided(finding))
+    return curled, warned
 
 
 def _is_black(stack: Stack, sampled: SampledTiles) -> bool:

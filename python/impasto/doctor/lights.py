@@ -21,6 +21,10 @@ _SAME_DEG = 0.5
 _GRAZING_DEG = 5.0
 
 
+CODES = frozenset({"lights", "conditioning", "coverage", "repeated-lights", "horizon"})
+"""What :func:`lights` finds."""
+
+
 def lights(stack: Stack) -> list[Finding]:
     """All checks of the directions alone."""
     directions = stack.rig.directions

@@ -1,4 +1,4 @@
-"""Lists of lights in a wrong order: shifted, reversed, or sorted as text.
+"""Lists of lights in a wrong order: shifted, reversed, sorted as text, or at random.
 
 Lists of lights without file names are paired with the photographs by order. One photograph too
 many, a reversed list, or ``photo10`` sorted before ``photo2`` puts nearly every photograph under a
@@ -25,6 +25,17 @@ _BETTER = 1.3
 """An order is wrong if the residuals of another one are smaller by this factor, and so are those
 of held-out photographs, by at least this many standard errors over the photographs."""
 _SIGMAS = 3.0
+_SHUFFLED = 8
+"""Photographs from which on lights are compared with lights at random."""
+_TRIALS, _TRIAL_PIXELS = 9, 1000
+"""Random orders, and the pixels that they are tried on."""
+_LIKE_RANDOM = 0.7
+"""Least share of the residuals in random orders at which an order counts as one of them. Lights in
+the right order left 0.04 to 0.55 of them, and up to 0.95 where photographs are alike, of a plane
+under a ring of lamps. Uneven lamps of a plane cannot be told from lamps in another order."""
+_UNLIKE_ANY = 1.1
+"""Least residuals, in units of those under the lights of any direction and strength that fit best.
+Photographs of a plane under a ring of lamps leave 1.0: there is nothing else to explain."""
 
 
 def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
@@ -40,6 +51,9 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
     numbers = {"misfit": round(given, 5), **{n: round(m, 5) for n, m in misfits.items()}}
     times = given / max(misfits[best], 1e-12)
     if not (times > _BETTER and _predicts_better(sampled, orders(count)[best])):
+        at_random = _misfit_at_random(sampled, given)
+        if at_random is not None:
+            return [_at_random(given, at_random, numbers)], None
         message = "photographs and lights are in the same order: no shift or reversal fits better"
         return [Finding("order", "ok", message, numbers=numbers)], None
     found = Finding(
@@ -53,6 +67,47 @@ def order(sampled: SampledTiles) -> tuple[list[Finding], Order | None]:
         numbers=numbers | {"verdict": best, "order": orders(count)[best].tolist()},
     )
     return [found], orders(count)[best]
+
+
+def _at_random(given: float, at_random: float, numbers: dict[str, float]) -> Finding:
+    return Finding(
+        "order",
+        "warning",
+        "a surface fits the photographs no better than with their lights in random order "
+        f"({given:.0%} of the light is left over, there {at_random:.0%}): the light file lists "
+        "them in another order or is that of others, or lamps or exposures are very uneven",
+        "check the light file; file names in it leave no doubt. If it is right, give intensities=, "
+        "or estimate them by fit_strengths (--strengths)",
+        numbers=numbers | {"verdict": "random", "misfit_at_random": round(at_random, 5)},
+    )
+
+
+def _misfit_at_random(sampled: SampledTiles, given: float) -> float | None:
+    """The median residual in random orders, if the given order is like one of them.
+
+    A permutation test [@good2005permutation] with a margin instead of a level.
+    """
+    count = len(sampled.grey)
+    if count < _SHUFFLED or not given > _UNLIKE_ANY * _misfit_of_any_lights(sampled):
+        return None
+    chance = np.random.default_rng(0)
+    trials = [misfit_of(sampled, chance.permutation(count), _TRIAL_PIXELS) for _ in range(_TRIALS)]
+    middle = float(np.median(trials))
+    return middle if given > _LIKE_RANDOM * middle else None
+
+
+def _misfit_of_any_lights(sampled: SampledTiles) -> float:
+    """:func:`misfit_of` with the lights that fit best; NaN where few pixels have all samples.
+
+    Of the best approximation of rank three [@hayakawa1994photometric].
+    """
+    whole = np.flatnonzero(np.isfinite(sampled.grey).all(axis=0))
+    if len(whole) < _TRIAL_PIXELS // 10:
+        return float("nan")
+    grey = sampled.grey[:, whole[:: max(1, len(whole) // _TRIAL_PIXELS)]].astype(np.float64)
+    left, strength, right = np.linalg.svd(grey, full_matrices=False)
+    shown = (left[:, :3] * strength[:3]) @ right[:3]
+    return float(np.median(np.abs(grey - shown)) / max(float(np.median(grey)), 1e-30))
 
 
 def _predicts_better(sampled: SampledTiles, to: Order) -> bool:
@@ -122,9 +177,12 @@ def orders(count: int) -> dict[str, Order]:
     return found
 
 
-def misfit_of(sampled: SampledTiles, to: Order) -> float:
-    """Median residual of a surface fitted with the lights in this order, relative to the light."""
-    pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // _PIXELS))
+def misfit_of(sampled: SampledTiles, to: Order, most: int = _PIXELS) -> float:
+    """Median residual of a surface fitted with the lights in this order, relative to the light.
+
+    Of ``most`` pixels, about.
+    """
+    pick = np.arange(0, sampled.grey.shape[1], max(1, sampled.grey.shape[1] // most))
     grey = sampled.grey[:, pick]
     lights = sampled.lights[to]
     lights = lights if lights.ndim == 2 else lights[:, pick]
