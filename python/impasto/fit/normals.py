@@ -238,8 +238,8 @@ def fit_normals(
     maps
         Names of the maps that are needed, such as ``("normal",)``, of ``"normal"``, ``"albedo"``,
         ``"used"``, ``"rejected"``, ``"residual"``, ``"condition"`` and ``"sigma"``; default: all.
-        Least squares mostly waits for memory: normals alone take about half to two thirds of its
-        time. Not for a :class:`LazyStack`, which computes the maps that are used.
+        Least squares mostly waits for memory: normals alone take about three quarters of its time.
+        Not for a :class:`LazyStack`, which computes the maps that are used.
     out
         The result of an earlier fit to a stack of this size, whose maps are written again: of new
         memory the system first fills every page with zeros. It then holds the new maps, and no
