@@ -322,6 +322,11 @@ def learn_normals(
     steps, selection, effort, threads
         As in :func:`fit_normals`.
 
+    Returns
+    -------
+    LearnedNormals
+        For ``fit_normals(tile, learned=)``.
+
     Raises
     ------
     GeometryError, ArgumentError

@@ -147,6 +147,9 @@ def run(
     ArgumentError
         A value that cannot be used, ``out`` that is something else or in use by another job,
         memory for less than a tile of 64 x 64 pixels, or files that a worker cannot see.
+    GeometryError
+        Lights that cannot determine normals, or views from behind alone; nothing is left of a job
+        that began with them.
     ResumeMismatchError
         There is a job of this name with other photographs or options; the differences are named.
     CorruptInputError

@@ -68,10 +68,16 @@ def resume(
     ------
     ArgumentError
         There is no job of that name, or it is running; a stack is needed or one too many.
+    GeometryError
+        Lights that cannot determine normals, of a job that was interrupted before it had learned.
     ResumeMismatchError
         The photographs have changed, or this is another version of impasto.
     CorruptInputError
         A damaged photograph, or a damaged file of the job.
+    MissingExtraError
+        zarr is not installed.
+    ClusterError
+        As in :func:`impasto.run`.
     """
     folder, whole = folder_of(out)
     record = JobRecord.read(folder / NOTES / RECORD)
@@ -118,6 +124,12 @@ def rerun(
         ``out`` is no finished job, or ``into`` is something else than its repetition.
     ResumeMismatchError
         The photographs have changed, or this is another version of impasto.
+    CorruptInputError
+        A damaged photograph, or a damaged file of either job.
+    MissingExtraError
+        zarr is not installed.
+    ClusterError
+        As in :func:`impasto.run`.
     """
     folder, whole = folder_of(out)
     target = checked_target(into)
