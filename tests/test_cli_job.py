@@ -26,9 +26,9 @@ from impasto.cli.job import terminated_as_interrupted
 from impasto.io import write_lights, write_stack, write_tiff16
 from impasto.jobs.cluster import LOST
 from interrupted_jobs import interrupting
+from job_photographs import photographs
 from killed_jobs import stack, tree
 from processes import surroundings
-from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 

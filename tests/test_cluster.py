@@ -24,8 +24,8 @@ from impasto.jobs import cluster as client_side
 from impasto.jobs.learning import digest_of
 from impasto.jobs.worker import SharedJob, fit_tile, release
 from interrupted_jobs import interrupting
+from job_photographs import photographs
 from killed_jobs import stack, tree
-from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 

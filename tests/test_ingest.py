@@ -23,8 +23,10 @@ from impasto import ArgumentError, CorruptInputError, PointLight, Rig
 from impasto.cli import main
 from impasto.io import open_source, write_lights, write_png8, write_stack
 from impasto.jobs import photographs as reading
+from job_photographs import PIXEL, photographs, same
 from killed_jobs import stack
-from test_jobs import PIXEL, photographs, same
+
+pytest.importorskip("fcntl", reason="jobs need POSIX")
 
 
 def assert_same(found: impasto.Stack, wanted: impasto.Stack) -> None:

@@ -19,8 +19,8 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.cli import main
 from impasto.jobs import photographs as reading
 from interrupted_jobs import interrupting
+from job_photographs import photographs
 from killed_jobs import in_child, stack, tree
-from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 

@@ -9,8 +9,8 @@ import pytest
 import impasto
 from impasto import ResumeMismatchError, _core
 from impasto._internal.build import build_name
+from job_photographs import interrupted
 from killed_jobs import OPTIONS, stack
-from test_jobs import interrupted
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 

@@ -21,8 +21,8 @@ from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
 from impasto.jobs import inspection, journal
 from interrupted_jobs import interrupting
+from job_photographs import photographs
 from killed_jobs import tree
-from test_jobs import photographs
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 

@@ -12,14 +12,14 @@ import pytest
 
 import impasto
 from impasto import ArgumentError, ImpastoWarning, jobs
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import main
-from impasto.cli.resuming import DEFAULT_MEMORY
 from impasto.fit.lobes import HALO
 from impasto.io import write_stack
 from impasto.jobs import beginning, repeat
 from impasto.jobs.grid import Footprint, bytes_of, stride_for, tile_for
 from impasto.jobs.learning import border_of, checked_fit
-from impasto.jobs.memory import DEFAULT, MEMORY
+from impasto.jobs.memory import MEMORY
 from interrupted_jobs import interrupting
 from killed_jobs import OPTIONS, stack, tree
 
@@ -125,8 +125,7 @@ def test_a_job_that_does_not_say_its_memory_has_the_default(
         kept.write_text(text)
     assert jobs.status(unfinished).memory is None
     jobs.resume(unfinished)
-    assert budgets == [bytes_of(DEFAULT)]
-    assert DEFAULT == DEFAULT_MEMORY, "and the command line says so without looking it up"
+    assert budgets == [bytes_of(DEFAULT_MEMORY)]
 
 
 def test_the_command_line_shows_the_memory_and_the_model(

@@ -11,7 +11,7 @@ import pytest
 import impasto
 from impasto import simulate
 from impasto.io import write_lights, write_tiff16
-from test_jobs import same
+from job_photographs import same
 
 resource = pytest.importorskip("resource", reason="jobs need POSIX")
 

@@ -14,10 +14,10 @@ from impasto.fit import subsample
 from impasto.fit.relief import Relief
 from impasto.fit.subsample import Sample
 from impasto.io import write_stack
+from job_photographs import PIXEL, photographs, same
 from killed_jobs import stack
-from test_jobs import photographs, same
 
-PIXEL: dict[str, Any] = {"pooling": "pixel", "effort": "draft", "lobes": 1}
+pytest.importorskip("fcntl", reason="jobs need POSIX")
 
 
 @pytest.fixture

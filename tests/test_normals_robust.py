@@ -151,7 +151,8 @@ def test_noise_is_not_correlated() -> None:
         ((0.01, 0.0), "learned: expected what impasto.learn_normals returned, found tuple"),
         (LearnedNormals(-1.0, 0.0), "learned: expected a scale of at least 0"),
         (LearnedNormals(np.nan, 0.0), "learned: expected a scale of at least 0"),
-        (LearnedNormals(0.01, 1.5), "learned: expected a correlation of -1 to 1"),
+        (LearnedNormals(0.01, 1.5), "learned: expected a correlation of 0 to 1"),
+        (LearnedNormals(0.01, -0.5), "learned: expected a correlation of 0 to 1"),
     ],
 )
 def test_numbers_that_nobody_learned_are_refused(learned: Any, message: str) -> None:

@@ -50,7 +50,7 @@ const BRIEF: usize = 1 << 16;
 
 /// Runs `work` on a thread of its own with `threads` workers, and waits for it.
 ///
-/// `progress` is called with (tiles done, tiles known) about ten times a second; an exception
+/// `progress` is called with (tiles done, tiles known) about twenty times a second; an exception
 /// that it raises, and Ctrl-C, stop the work at the next tile.
 pub(crate) fn call<A: Send>(
     py: Python<'_>,

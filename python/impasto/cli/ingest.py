@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
@@ -20,7 +21,7 @@ def ingest(
     /,
     *,
     out: Path,
-    memory: str = "4GiB",
+    memory: str = DEFAULT_MEMORY,
     tile: SomeWhole = None,
     reading: Reading | None = None,
     quiet: Flag = False,

@@ -18,13 +18,13 @@ from rich.markup import escape
 from impasto._internal.bars import memory_words, time_words
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.heap import share_one_heap
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import Reading
 from impasto.cli.resuming import (
-    DEFAULT_MEMORY,
     files_words,
     has_kept,
     is_of_a_disk,

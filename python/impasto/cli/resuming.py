@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.errors import ArgumentError
@@ -15,8 +16,6 @@ from impasto.errors import ArgumentError
 if TYPE_CHECKING:
     from impasto.jobs import Finding
 
-DEFAULT_MEMORY = "4GiB"
-"""What a job takes that is given no other memory."""
 OF_A_NAME = {
     *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG),
     *(errno.EACCES, errno.EPERM),

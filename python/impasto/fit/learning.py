@@ -323,11 +323,18 @@ def learn_sbrdf(
         The model is learned from every so many rows and columns, an odd number; 1: from all pixels.
         Default: as above.
 
+    Returns
+    -------
+    LearnedModel
+        Its ``apply`` fits a tile; ``save`` keeps it for :func:`load_learned`.
+
     Raises
     ------
     ArgumentError
         What :func:`impasto.fit_sbrdf` refuses; segments; an extent smaller than the stack;
         ``relief=True`` with a larger one; a sample that is no odd number from 1 on.
+    GeometryError
+        Lights that cannot determine normals, or views from behind alone.
     """
     checked_stack(stack)
     relief = None if relief is None else truth(relief, "relief")

@@ -238,8 +238,8 @@ def fit_normals(
     maps
         Names of the maps that are needed, such as ``("normal",)``, of ``"normal"``, ``"albedo"``,
         ``"used"``, ``"rejected"``, ``"residual"``, ``"condition"`` and ``"sigma"``; default: all.
-        Least squares mostly waits for memory: normals alone take about half to two thirds of its
-        time. Not for a :class:`LazyStack`, which computes the maps that are used.
+        Least squares mostly waits for memory: normals alone take about three quarters of its time.
+        Not for a :class:`LazyStack`, which computes the maps that are used.
     out
         The result of an earlier fit to a stack of this size, whose maps are written again: of new
         memory the system first fills every page with zeros. It then holds the new maps, and no
@@ -321,6 +321,11 @@ def learn_normals(
         The whole painting, or a sample of it. At most 1024 pixels at a regular stride are used.
     steps, selection, effort, threads
         As in :func:`fit_normals`.
+
+    Returns
+    -------
+    LearnedNormals
+        For ``fit_normals(tile, learned=)``.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto._internal.pools import Stop, beside
 from impasto._internal.recycling import Recycled, recycling
 from impasto.errors import ArgumentError, ResumeMismatchError
@@ -51,7 +52,7 @@ def ingest(
     source: str | os.PathLike[str] | Stack | Photographs,
     out: str | os.PathLike[str],
     *,
-    memory: str | int = "4GiB",
+    memory: str | int = DEFAULT_MEMORY,
     tile: int | None = None,
     reading: Mapping[str, Any] | None = None,
     progress: bool | ProgressCallback = False,

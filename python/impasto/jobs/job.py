@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
@@ -44,7 +45,7 @@ from impasto.jobs.grid import (
 from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, border_of, checked_fit, learned_from
 from impasto.jobs.lock import release
-from impasto.jobs.memory import DEFAULT, keep_memory
+from impasto.jobs.memory import keep_memory
 from impasto.jobs.photographs import (
     Photographs,
     check_source,
@@ -64,7 +65,7 @@ def run(
     source: str | os.PathLike[str] | Stack | Photographs,
     out: str | os.PathLike[str],
     *,
-    memory: str | int = DEFAULT,
+    memory: str | int = DEFAULT_MEMORY,
     resume: bool = True,
     tile: int | None = None,
     sample: int | None = None,
@@ -147,6 +148,9 @@ def run(
     ArgumentError
         A value that cannot be used, ``out`` that is something else or in use by another job,
         memory for less than a tile of 64 x 64 pixels, or files that a worker cannot see.
+    GeometryError
+        Lights that cannot determine normals, or views from behind alone; nothing is left of a job
+        that began with them.
     ResumeMismatchError
         There is a job of this name with other photographs or options; the differences are named.
     CorruptInputError

@@ -10,8 +10,6 @@ from impasto.io.files import atomic_bytes
 
 MEMORY = "memory.json"
 """No part of the record: a job may go on with another memory."""
-DEFAULT = "4GiB"
-"""What a job takes that is given none, and has none from before."""
 
 
 def keep_memory(notes: Path, memory: int) -> None:

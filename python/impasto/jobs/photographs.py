@@ -91,7 +91,13 @@ class Photographs(ABC):
     def inputs(self) -> list[dict[str, Any]]:
         """Name, size and SHA-256 of what is read; all of it is read for this.
 
-        Of a tile of a store, whose readers compare its checksums, one of these (``crc32c``).
+        Returns
+        -------
+        list
+            A dictionary for each file: ``file``, its absolute path, or words for what is no file;
+            ``bytes``, its size; and ``sha256``, in hexadecimal digits. Of a tile of a store, whose
+            readers compare its checksums, ``crc32c``, one of these, in place of ``sha256``. Other
+            keys are kept in the record.
         """
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback
+from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.errors import ArgumentError, ImpastoWarning
 from impasto.io.results.zarr_arrays import need_zarr
 from impasto.jobs.beginning import held
@@ -28,7 +29,7 @@ from impasto.jobs.grid import bytes_of, in_words
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
 from impasto.jobs.learning import border_of
-from impasto.jobs.memory import DEFAULT, kept_memory
+from impasto.jobs.memory import kept_memory
 from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord
 from impasto.stack import Stack
@@ -68,10 +69,16 @@ def resume(
     ------
     ArgumentError
         There is no job of that name, or it is running; a stack is needed or one too many.
+    GeometryError
+        Lights that cannot determine normals, of a job that was interrupted before it had learned.
     ResumeMismatchError
         The photographs have changed, or this is another version of impasto.
     CorruptInputError
         A damaged photograph, or a damaged file of the job.
+    MissingExtraError
+        zarr is not installed.
+    ClusterError
+        As in :func:`impasto.run`.
     """
     folder, whole = folder_of(out)
     record = JobRecord.read(folder / NOTES / RECORD)
@@ -80,7 +87,7 @@ def resume(
         return folder
     target = checked_target(out)
     if memory is None:
-        memory = kept_memory(folder / NOTES) or DEFAULT
+        memory = kept_memory(folder / NOTES) or DEFAULT_MEMORY
     return _repeated(record, target, source, target, memory, client, threads, progress)
 
 
@@ -89,7 +96,7 @@ def rerun(
     into: str | os.PathLike[str],
     *,
     source: Stack | Photographs | None = None,
-    memory: str | int = DEFAULT,
+    memory: str | int = DEFAULT_MEMORY,
     client: Client | None = None,
     threads: int | None = None,
     progress: bool | ProgressCallback = False,
@@ -118,6 +125,12 @@ def rerun(
         ``out`` is no finished job, or ``into`` is something else than its repetition.
     ResumeMismatchError
         The photographs have changed, or this is another version of impasto.
+    CorruptInputError
+        A damaged photograph, or a damaged file of either job.
+    MissingExtraError
+        zarr is not installed.
+    ClusterError
+        As in :func:`impasto.run`.
     """
     folder, whole = folder_of(out)
     target = checked_target(into)

@@ -237,6 +237,7 @@ mod tests {
         let gain: f64 = found.iter().zip(&sums.right).map(|(x, b)| x * b).sum();
         let best = exhaustive(&sums);
         assert!(found.iter().all(|&x| x >= 0.0));
+        // The same columns give the same sum but for rounding; the next best subset gains 1 % less.
         assert!(best > 0.0 && (gain - best).abs() <= 1e-12 * sums.square, "{gain} {best}");
     }
 
@@ -278,9 +279,11 @@ mod tests {
         assert!(free[1] > 0.0 && free[2] == 0.0);
         let [gain, fall] = sums.pull(1, &free);
         let best = gain / fall;
+        // Nine terms rounded to 2e-16, up to six times as large as the differences of their sums: 1e-14.
         assert!((best / free[1] - 1.0).abs() < 1e-12, "{best} {}", free[1]);
         let held = sums.hold(1, best, true).solve(&[false; 3]).values;
-        assert!((held[0] / free[0] - 1.0).abs() < 1e-10 && held[1] == 0.0 && held[2] == 0.0);
+        // The same terms, twice as large as their difference.
+        assert!((held[0] / free[0] - 1.0).abs() < 1e-12 && held[1] == 0.0 && held[2] == 0.0);
         assert_eq!(sums.hold(1, best, false).solve(&[false; 3]).values, free);
     }
 
@@ -292,6 +295,7 @@ mod tests {
             sums.add(&[1.0, t, 0.0], 1.0, 1.0 + t);
         }
         let found = sums.solve(&[false; 3]).values;
+        // Sums of whole numbers are exact; their equations have a condition number of 22: 22 x 2e-16.
         assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-12);
         assert_eq!(found[2], 0.0);
         assert_eq!(sums.solve(&[true, false, false]).values[0], 0.0);

@@ -76,15 +76,16 @@ impl Problem<f64, 2> for Twins {
 #[test]
 fn parameters_that_nothing_tells_apart_are_named() {
     let outcome = minimise(&Twins(4.0), [0.0, 0.0], &Bounds::none(), &Options::default());
-    assert!((outcome.parameters[0] + outcome.parameters[1] - 4.0).abs() < 1e-6);
+    // Without noise the next step is what the sum lacks: less than 1e-10 of 4 where the search ends.
+    assert!((outcome.parameters[0] + outcome.parameters[1] - 4.0).abs() < 1e-9);
     assert_eq!(outcome.deficient(), [false, true]);
     assert!(outcome.parameters.iter().all(|p| p.is_finite()));
 }
 
-/// A line through two points, as exact powers of two scale it.
-struct Line(f64);
+/// `a exp(-b x)` through three points, whose values are multiplied by this scale.
+struct Decay(f64);
 
-impl Problem<f64, 2> for Line {
+impl Problem<f64, 2> for Decay {
     fn normal(&self, [a, b]: [f64; 2]) -> Normal<f64, 2> {
         let mut normal = Normal::zero();
         for (x, y) in [(0.0, 1.0), (1.0, 3.0), (2.0, 4.0)] {
@@ -98,7 +99,7 @@ impl Problem<f64, 2> for Line {
 #[test]
 fn hard_case_28_a_power_of_two_changes_no_bit_of_a_shape() {
     let fit =
-        |scale: f64| minimise(&Line(scale), [scale, 0.1], &Bounds::none(), &Options::default());
+        |scale: f64| minimise(&Decay(scale), [scale, 0.1], &Bounds::none(), &Options::default());
     let plain = fit(1.0);
     for scale in [2.0_f64.powi(40), 2.0_f64.powi(-40)] {
         let scaled = fit(scale);
@@ -112,16 +113,18 @@ fn hard_case_28_a_power_of_two_changes_no_bit_of_a_shape() {
 fn bounds_hold_and_the_other_parameters_still_converge() {
     // Unbounded, the decay is negative (the points rise).
     let bounds = Bounds { lower: [0.0, 0.0], upper: [10.0, 10.0] };
-    let outcome = minimise(&Line(1.0), [1.0, 0.5], &bounds, &Options::default());
+    let outcome = minimise(&Decay(1.0), [1.0, 0.5], &bounds, &Options::default());
     assert_eq!(outcome.parameters[1], 0.0);
     // With b = 0 the model is a constant: the mean of 1, 3, 4.
+    // A last step that lowers the cost of 14 / 3 by 1e-12 of it has sqrt(1e-12 * 14 / 9) = 1.2e-6;
+    // what is left after it is less.
     assert!((outcome.parameters[0] - 8.0 / 3.0).abs() < 1e-6);
     assert!(outcome.reason.converged());
 }
 
 #[test]
 fn a_start_without_a_cost_says_so() {
-    let outcome = minimise(&Line(f64::NAN), [1.0, 0.1], &Bounds::none(), &Options::default());
+    let outcome = minimise(&Decay(f64::NAN), [1.0, 0.1], &Bounds::none(), &Options::default());
     assert_eq!(outcome.reason, Reason::NotFinite);
     assert_eq!(outcome.parameters, [1.0, 0.1]);
 }

@@ -192,7 +192,7 @@ impl<R: Real<Scalar = f32>, L: Lights<R>> Part<R> for ModelErrors<'_, R, L> {
         let indirect = R::keep(shadowed.gt(zero), indirect.max(zero) * R::of(PER_INDIRECT));
         sum = indirect.mul_add(indirect, sum);
 
-        let factor = R::of(PER_CORRELATED * self.correlation.max(0.0));
+        let factor = R::of(PER_CORRELATED * self.correlation);
         let lean = normal.cross(view).length_squared() / view.length_squared();
         (factor * factor * lean).mul_add(variance, sum).sqrt()
     }

@@ -102,7 +102,7 @@ pub struct StereoOptions {
 pub struct Learned {
     /// Typical scale of a pixel's residuals relative to its brightness.
     pub scale: f64,
-    /// Correlation of the residuals under neighbouring lights, -1 to 1.
+    /// Correlation of the residuals under neighbouring lights, 0 to 1.
     pub correlation: f64,
 }
 
@@ -112,8 +112,8 @@ impl Learned {
             let problem = format!("expected a scale of at least 0, found {}", self.scale);
             return Err(Error::argument("learned", problem));
         }
-        if !(-1.0..=1.0).contains(&self.correlation) {
-            let problem = format!("expected a correlation of -1 to 1, found {}", self.correlation);
+        if !(0.0..=1.0).contains(&self.correlation) {
+            let problem = format!("expected a correlation of 0 to 1, found {}", self.correlation);
             return Err(Error::argument("learned", problem));
         }
         Ok(())

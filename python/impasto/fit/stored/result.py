@@ -409,6 +409,11 @@ class StoredSbrdf:
         progress
             True for a bar on stderr, or a callable ``(done, total)`` in pixels.
 
+        Returns
+        -------
+        Path
+            The file.
+
         Raises
         ------
         ArgumentError

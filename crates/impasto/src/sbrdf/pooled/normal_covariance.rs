@@ -49,7 +49,7 @@ impl<R: Real<Scalar = f32>> NormalErrors<R> {
     }
 
     /// Variance along the worst axis by the sandwich, the coherence of the residuals, and the factor of
-    /// the deviation for what is smooth; from the place of the last [`Pixels::visit`].
+    /// the deviation for what is smooth; from the place of the last [`Pixels::leave`].
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "several arrays share an index")]
     pub(super) fn of(
