@@ -17,7 +17,7 @@ use super::prior::Prior;
 use super::score::Score;
 use super::search::{Freedom, Search};
 use super::seeds::{Seed, Seeds};
-use super::support::{Counted, supported};
+use super::support::supported;
 use super::tile::{ByLobeCount, Estimate, LobeFitTile};
 
 /// Where the search for one more lobe starts.
@@ -129,7 +129,7 @@ impl<M: LobeEstimation> ForwardSelection<'_, M> {
                 above_rounding && lowers_bic(more, &fewer[pixel], tile.usable[pixel], unknowns)
             })
             .collect();
-        let supported = supported(self.photographs, tile, &better, Counted::Mean, self.run.level);
+        let supported = supported(self.photographs, tile, &better, self.run.level);
         for (pixel, supported) in better.into_iter().zip(supported) {
             if supported[..lobes].iter().all(|&supported| supported) {
                 found[pixel].estimates[lobes] = tile.estimates[pixel];

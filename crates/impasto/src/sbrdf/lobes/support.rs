@@ -9,22 +9,12 @@ use crate::math::{Kernel, Level, Real, Vec3};
 use super::maps::MOST_LOBES;
 use super::model::{LobeEstimation, MAX_SHAPES};
 use super::photographs::Photographs;
-use super::tile::{Estimate, LobeFitTile, gather, gather_normal};
+use super::tile::{Estimate, LobeFitTile, STRIDE, gather, gather_normal};
 
 /// Least fraction of its peak that a lobe must reach in some photograph, which it does within two and
 /// a half of its half-widths. At that distance an error of 8 % in the width already changes the
 /// strength by a factor of two.
 pub(in crate::sbrdf) const SEEN: f64 = 1.0 / 64.0;
-
-/// The photographs that can support a lobe.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Counted {
-    /// Those whose mean of the bands counts, a clipped one at its ceiling.
-    Mean,
-    /// Those of which every band counts and is measured. A clipped band is a lower bound: with nothing
-    /// else near its peak a lobe would have any strength above it.
-    Measured,
-}
 
 /// Which lobes of some pixels, in rising order, reach [`SEEN`] of their peak in the photograph nearest
 /// to the peak; the strength of any other would be a guess (hard case 4).
@@ -32,17 +22,15 @@ pub(super) fn supported<M: LobeEstimation>(
     photographs: &Photographs<M>,
     tile: &LobeFitTile,
     pixels: &[usize],
-    counted: Counted,
     level: Level,
 ) -> Vec<[bool; MOST_LOBES]> {
-    level.run(Look { photographs, tile, pixels, counted })
+    level.run(Look { photographs, tile, pixels })
 }
 
 struct Look<'a, M: LobeEstimation> {
     photographs: &'a Photographs<M>,
     tile: &'a LobeFitTile,
     pixels: &'a [usize],
-    counted: Counted,
 }
 
 impl<M: LobeEstimation> Kernel for Look<'_, M> {
@@ -101,27 +89,13 @@ impl<M: LobeEstimation> Look<'_, M> {
     fn nearest<R: Real<Scalar = f32>>(&self, at: usize, normal: Vec3<R>, x: R, y: R) -> R {
         let (mut nearest, mut least) = (R::of(-1.0), R::of(f64::NEG_INFINITY));
         for photograph in 0..self.photographs.len() {
-            let weight: R = self.weight(photograph, at);
+            let weight = R::load(&self.tile.grey.weights[photograph * STRIDE + at..]);
             let cosine = self.photographs.facing_at(photograph, x, y).dot(normal);
             let nearer = weight.gt(R::zero()) & cosine.gt(least);
             least = R::select(nearer, cosine, least);
             nearest = R::select(nearer, R::of(photograph as f64), nearest);
         }
         nearest
-    }
-
-    /// The weights of a photograph of the pixels from `at` on, not positive where it does not count.
-    #[inline(always)]
-    fn weight<R: Real<Scalar = f32>>(&self, photograph: usize, at: usize) -> R {
-        let samples = match self.counted {
-            Counted::Mean => &self.tile.grey,
-            Counted::Measured => &self.tile.colour,
-        };
-        let mut least = R::of(f64::INFINITY);
-        for plane in photograph * samples.bands..(photograph + 1) * samples.bands {
-            least = least.min(samples.at::<R>(plane, at).1);
-        }
-        least
     }
 
     /// Light and view of a photograph of its own for each of the pixels from `at` on.
@@ -149,8 +123,7 @@ pub(super) fn drop_unsupported<M: LobeEstimation>(
     fitted: &[usize],
     level: Level,
 ) {
-    let supported = supported(photographs, tile, fitted, Counted::Measured, level);
-    for (&pixel, supported) in fitted.iter().zip(supported) {
+    for (&pixel, supported) in fitted.iter().zip(supported(photographs, tile, fitted, level)) {
         let before = tile.estimates[pixel];
         let mut kept = Estimate { lobes: 0, ..before };
         for lobe in (0..before.lobes).filter(|&lobe| supported[lobe]) {
@@ -165,7 +138,7 @@ pub(super) fn drop_unsupported<M: LobeEstimation>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::tile::{STRIDE, TILE};
+    use super::super::tile::TILE;
     use super::*;
     use crate::geometry::{Grid, Light, Rig, View};
     use crate::stack::{Decode, Samples, Shape, Stack};
@@ -210,17 +183,13 @@ mod tests {
             tile.estimates.push(estimate);
             for photograph in 0..LIGHTS {
                 let counts = i != 4 && (i + photograph) % 5 != 0;
-                let place = photograph * STRIDE + i;
-                tile.grey.weights[place] = f32::from(u8::from(counts));
-                let clipped = (i + photograph) % 3 == 0;
-                tile.colour.weights[place] =
-                    tile.grey.weights[place] * if clipped { -1.0 } else { 1.0 };
+                tile.grey.weights[photograph * STRIDE + i] = f32::from(u8::from(counts));
             }
         }
         const { assert!(PIXELS <= TILE) };
         let mut close = 0;
-        let mut expected = |weights: &[f32]| -> Vec<[bool; MOST_LOBES]> {
-            let pixel = |i: usize| {
+        let expected: Vec<[bool; MOST_LOBES]> = (0..PIXELS)
+            .map(|i| {
                 let Estimate { normal, shapes, lobes, .. } = tile.estimates[i];
                 let [x, y, z] = normal.map(f64::from);
                 let normal = Vec3::new(x, y, z);
@@ -229,7 +198,7 @@ mod tests {
                 for (photograph, (light, view)) in lights.iter().zip(views.clone()).enumerate() {
                     let (light, view) = (light.at(x, y).0, view.at(x, y));
                     let cosine = (light + view).normalised().dot(normal);
-                    let counts = weights[photograph * STRIDE + i] > 0.0;
+                    let counts = tile.grey.weights[photograph * STRIDE + i] > 0.0;
                     if counts && cosine > nearest {
                         (nearest, pair) = (cosine, Some((light, view)));
                     }
@@ -247,27 +216,17 @@ mod tests {
                     close += usize::from((share / SEEN - 1.0).abs() < 1e-3);
                 }
                 supported
-            };
-            (0..PIXELS).map(pixel).collect()
-        };
-        let by_mean = expected(&tile.grey.weights);
-        let by_measured = expected(&tile.colour.weights);
+            })
+            .collect();
         assert_eq!(close, 0, "a share at the limit tells nothing");
-        let lobes = |some: &[[bool; MOST_LOBES]]| {
-            some.iter().flatten().map(|&seen| usize::from(seen)).sum::<usize>()
-        };
-        let counts = [lobes(&by_measured), lobes(&by_mean)];
-        assert!(10 < counts[0] && counts[0] < counts[1] && counts[1] < 50, "{counts:?}");
+        let lobes: usize = expected.iter().flatten().map(|&seen| usize::from(seen)).sum();
+        assert!((10..50).contains(&lobes), "{lobes}");
         let pixels: Vec<usize> = (0..PIXELS).collect();
         let some: Vec<usize> = pixels.iter().copied().filter(|pixel| pixel % 7 != 2).collect();
-        let cases = [(Counted::Mean, by_mean), (Counted::Measured, by_measured)];
         for level in Level::ALL.into_iter().filter(|level| level.available()) {
-            for (counted, expected) in &cases {
-                let supported = |pixels| supported(&photographs, &tile, pixels, *counted, level);
-                assert_eq!(supported(&pixels), *expected, "{level:?}");
-                let found = supported(&some);
-                assert!(found.iter().zip(&some).all(|(found, &pixel)| *found == expected[pixel]));
-            }
+            assert_eq!(supported(&photographs, &tile, &pixels, level), expected, "{level:?}");
+            let found = supported(&photographs, &tile, &some, level);
+            assert!(found.iter().zip(&some).all(|(found, &pixel)| *found == expected[pixel]));
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Rig;
 use crate::lm::Options;
 use crate::maps::Status;
+use crate::math::Vec3;
 use crate::passes::Purpose;
 use crate::pixels::Run;
 use crate::sbrdf::Start;
@@ -25,8 +26,8 @@ use super::residuals::{Residuals, likeness};
 use super::reweight::{COLUMNS, Reweight, Solution};
 use super::search::{Freedom, Search};
 use super::seeds::{HALO, Seed, SeedGrid, Seeds};
-use super::support::drop_unsupported;
-use super::tile::{ByLobeCount, Estimate, LobeFitTile, TILE, Unbounded};
+use super::support::{SEEN, drop_unsupported};
+use super::tile::{ByLobeCount, Estimate, LobeFitTile, STRIDE, TILE, Unbounded};
 
 /// A logarithm of a sharpness so near its bound counts as at the bound: a per cent of the width.
 const AT_BOUND: f32 = 0.02;
@@ -206,6 +207,7 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             self.widen(tile, fitted, &solution.variance);
         }
         self.reweight(tile, solution, false);
+        self.limit_strengths(tile, solution, fitted);
         for (estimate, &variance) in tile.estimates.iter_mut().zip(&solution.variance) {
             let scale = variance.sqrt();
             estimate.normal_deviation *= scale;
@@ -400,6 +402,52 @@ impl<'a, M: LobeEstimation> LobeFit<'a, M> {
             .run();
             [pixels; 2]
         });
+    }
+
+    /// Lowers strengths by which a lobe's peak would be more than [`SEEN`] says of the most light that
+    /// any photograph shows.
+    ///
+    /// Where all photographs near the peak are clipped, these are lower bounds, and the strength has no
+    /// other limit (hard case 4). So low a peak still satisfies the bound of the nearest photograph.
+    fn limit_strengths(&self, tile: &LobeFitTile, solution: &mut Solution, fitted: &[usize]) {
+        let model = &self.photographs.model;
+        let front = Vec3::new(0.0, 0.0, 1.0);
+        let pair = model.pair(front, front);
+        let bands = tile.colour.bands;
+        for &pixel in fitted {
+            let estimate = &tile.estimates[pixel];
+            for lobe in 0..estimate.lobes {
+                let peak: f32 =
+                    model.value(&model.lobe_from_unknowns(estimate.shapes[lobe]), &pair, front);
+                let colours = &mut solution.colours;
+                let places =
+                    |column: usize| (0..bands).map(move |b| (b * COLUMNS + column) * TILE + pixel);
+                let largest = |column| places(column).map(|at| colours[at]).fold(0.0, f32::max);
+                let (strength, most) = (largest(1 + lobe), 1.0 / (SEEN as f32 * peak));
+                // Nearly all are below this: photographs show the diffuse colour, too.
+                if strength <= most * largest(0) {
+                    continue;
+                }
+                let most = most * self.most_light(tile, pixel);
+                if strength > most {
+                    places(1 + lobe).for_each(|at| colours[at] *= most / strength);
+                }
+            }
+        }
+    }
+
+    /// The largest sample of a pixel under unit irradiance, a clipped one at its ceiling.
+    fn most_light(&self, tile: &LobeFitTile, pixel: usize) -> f32 {
+        let bands = tile.colour.bands;
+        let place = (tile.x[pixel], tile.y[pixel]);
+        let of = |photograph: usize| {
+            let planes = photograph * bands..(photograph + 1) * bands;
+            let light = planes.map(|plane| tile.colour.samples[plane * STRIDE + pixel]);
+            let (_, irradiance, _) = self.photographs.at(photograph, place.0, place.1);
+            light.fold(0.0, f32::max) / irradiance
+        };
+        // False for what a lamp without light shows.
+        (0..self.photographs.len()).map(of).filter(|light| light.is_finite()).fold(0.0, f32::max)
     }
 
     /// Adds what the model does not describe to the errors of fitted normals.

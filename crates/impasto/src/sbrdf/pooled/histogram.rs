@@ -11,8 +11,6 @@
 use crate::brdf::torrance_sparrow::{GAMMA_MAX, GAMMA_MIN, sharpness};
 use crate::lm::{self, Bounds, Normal, Options, Outcome, Problem};
 
-use super::pixel::CommonLobe;
-
 /// Bins of `phi^2`.
 pub const BINS: usize = 4096;
 
@@ -23,10 +21,6 @@ pub const PHI_SQUARED_MAX: f64 = 1.0;
 /// samples are, a search goes as far as numbers reach: constant samples are the tail of a lobe of
 /// any strength (hard case 27).
 const FAINT: f64 = 0.01;
-
-/// Least share of a lobe's strength that the samples about its peak must show. Where varnishes differ, a
-/// robust search follows the more common one, and the mean strength is a few times less or more.
-const CONFIRMED: f64 = 0.1;
 
 /// Steps of the search for the peak region, which changes by less and less.
 const PEAK_STEPS: usize = 16;
@@ -95,20 +89,11 @@ impl Histogram {
         self.bins.iter().map(|bin| bin.count).sum()
     }
 
-    /// Whether the strength that describes the samples best, where the lobe is not faint, is a fair
-    /// share of its own. With no samples there, or few against those of the tail, strengths are
-    /// extrapolated.
-    pub(super) fn confirms(&self, lobe: CommonLobe) -> bool {
-        let sharpness = lobe.log_sharpness.exp();
-        let (mut measured, mut expected) = (0.0, 0.0);
-        for bin in self.bins.iter().filter(|bin| bin.ww > 0.0) {
-            let share = (-sharpness * bin.phi_squared()).exp();
-            if share > FAINT {
-                measured = share.mul_add(bin.wy, measured);
-                expected = (share * share * lobe.beta).mul_add(bin.ww, expected);
-            }
-        }
-        expected > 0.0 && measured >= CONFIRMED * expected
+    /// Whether any sample lies where such a lobe is not yet faint: strengths are else extrapolated.
+    pub(super) fn shows(&self, log_sharpness: f64) -> bool {
+        let near =
+            |bin: &Bin| bin.ww > 0.0 && (-log_sharpness.exp() * bin.phi_squared()).exp() > FAINT;
+        self.bins.iter().any(near)
     }
 
     /// The measured lobe, coarsened to `parts` points: phi (rad), mean of `y / w` weighted by
@@ -259,26 +244,6 @@ mod tests {
         assert!((gamma(&alone.peak()) / 0.1 - 1.0).abs() < 1e-5);
         // Nothing to fit leaves nothing.
         assert_eq!(Histogram::default().peak(), Histogram::default());
-    }
-
-    #[test]
-    fn samples_about_the_peak_confirm_a_lobe_or_do_not() {
-        let log_sharpness = sharpness::<f64>(0.12).ln();
-        let mut histogram = Histogram::default();
-        for i in 0..1000 {
-            let phi = f64::from(i) * 5e-4;
-            let y = 12.0 * 0.03 * (-log_sharpness.exp() * phi * phi).exp();
-            histogram.add(y as f32, 0.03, (phi * phi) as f32);
-        }
-        let confirms = |beta| histogram.confirms(CommonLobe { beta, log_sharpness });
-        // These samples have a strength of 12, of which a tenth of 119 is less, and of 121 more.
-        assert!(confirms(1.0) && confirms(12.0) && confirms(119.0));
-        assert!(!confirms(121.0) && !confirms(3.6e11) && !confirms(0.0));
-        // A narrow lobe beside all samples has none about its peak.
-        let mut beside = Histogram::default();
-        beside.add(1.0, 0.03, 0.25);
-        assert!(!beside.confirms(CommonLobe { beta: 1.0, log_sharpness }));
-        assert!(!Histogram::default().confirms(CommonLobe { beta: 1.0, log_sharpness }));
     }
 
     #[test]

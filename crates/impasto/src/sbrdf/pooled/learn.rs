@@ -172,7 +172,8 @@ impl Passes<'_> {
     fn separate(&self, first: &Outcome<f64, 2>, samples: Histogram) -> Estimate {
         let lobe = CommonLobe { beta: first.parameters[0], log_sharpness: first.parameters[1] };
         let variance = first.normal.cost.max(0.0) / (samples.count() - 2.0).max(1.0);
-        let covariance = (samples.confirms(lobe) && !first.deficient()[0])
+        let shown = samples.shows(lobe.log_sharpness);
+        let covariance = (lobe.beta > 0.0 && shown && !first.deficient()[0])
             .then(|| relative(lobe, first.covariance(variance)));
         Estimate {
             lobe,
@@ -218,31 +219,20 @@ impl Passes<'_> {
         };
         let [without, with] = application.whole(out, &mut strengths)?;
         let cost = |all: Cost| all.value(self.scale_reference.brightness);
-        // Normals and colours as they are left, and the specular part of the samples beside them.
-        let extract = |application: &Application<'_>, out: &PooledMapsMut<'_>| {
-            let left = Begin { normal: out.normal, diffuse: out.diffuse, factor: unit.recip() };
-            application.passes.extract(left, Extraction::Residual)
-        };
-        let mut histogram = estimate.histogram.take();
-        if application.refined {
-            if cost(with) < cost(without) {
-                histogram = Some(extract(&application, out)?);
-            }
-            if !histogram.as_ref().is_some_and(|samples| samples.confirms(application.lobe)) {
-                estimate.covariance = None;
-                application.lobe = estimate.shown();
-                application.refined = false;
-                application.passes = unrefined;
-                application.whole(out, &mut strengths)?;
-                histogram = None;
-            }
+        if application.refined && cost(with) >= cost(without) {
+            estimate.covariance = None;
+            application.lobe = estimate.shown();
+            application.refined = false;
+            application.passes = unrefined;
+            application.whole(out, &mut strengths)?;
         }
         let lobe = application.lobe;
         let noise = strengths.noise_of_classes(self.run)?;
         let describes = strengths.agreement(lobe.beta as f32, &noise, out.misfit, self.run)?;
-        let mut histogram = match histogram {
+        let left = Begin { normal: out.normal, diffuse: out.diffuse, factor: unit.recip() };
+        let mut histogram = match estimate.histogram.take() {
             Some(histogram) => histogram,
-            None => extract(&application, out)?,
+            None => application.passes.extract(left, Extraction::Residual)?,
         };
         histogram.scale(f64::from(unit));
         let unknown = [[f64::INFINITY, 0.0], [0.0, f64::INFINITY]];
