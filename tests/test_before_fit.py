@@ -21,7 +21,7 @@ from impasto import (
 )
 from impasto._internal.wording import factor, scatter
 from impasto.cli import main
-from impasto.doctor.before_fit import refuse_faults, spoiling
+from impasto.doctor.before_fit import spoiling
 from impasto.io import Session, write_lights, write_png16, write_session, write_stack
 from test_doctor import RIGS, altered, captured
 
@@ -82,8 +82,9 @@ def test_lights_in_any_other_order_are_warned_of(rig: str, varnish: str | None) 
     shuffled = lit(stack, given[np.random.default_rng(5).permutation(len(given))])
     assert codes(shuffled) == set()
     assert warned(shuffled) == {"order"}
-    with pytest.warns(ImpastoWarning, match="no better than with their lights in random order"):
-        refuse_faults(shuffled)
+    with pytest.warns(ImpastoWarning, match="no better than with their lights in random") as told:
+        fit_sbrdf(shuffled, check=True, pooling="none")
+    assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}
 
 
 @pytest.mark.parametrize("relief", [0.0, 0.1])

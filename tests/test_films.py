@@ -259,8 +259,14 @@ SERIES: list[tuple[Any, str]] = [
     ),
     (lambda wrong: animation.raking(Scene([LAMP]), 4, elevation=wrong), "elevation: expected"),
     (lambda wrong: animation.turntable(Scene([LAMP]), 4, angle=wrong), "angle: expected"),
-    (lambda wrong: animation.adapting(Scene([LAMP]), 4, first=wrong), "first: expected d from 0"),
-    (lambda wrong: animation.adapting(Scene([LAMP]), 4, last=wrong), "last: expected d from 0"),
+    (
+        lambda wrong: animation.adapting(Scene([LAMP]), 4, first=wrong),
+        "first: expected a degree from 0",
+    ),
+    (
+        lambda wrong: animation.adapting(Scene([LAMP]), 4, last=wrong),
+        "last: expected a degree from 0",
+    ),
     (lambda wrong: animation.same_exposure(PAINTING, wrong), "scenes: expected a list"),
     (lambda wrong: animation.same_exposure(wrong, [Scene([LAMP])]), "surface: expected"),
     (lambda wrong: animation.relief(wrong, False, 1.0), "surface: expected"),

@@ -269,7 +269,7 @@ def test_what_is_done_to_files_is_waited_for(waited: list[str], tmp_path: Path, 
     small.take([0, 2, 5, 9])  # copied before a thread has begun
     stack.take(range(0, count, 3))
     stereo = impasto.fit_normals(impasto.Stack(stack.samples.astype(np.float64), lights=stack.rig))
-    assert waited == ["take", "ascontiguousarray"]
+    assert waited == ["take", "contiguous"]
     waited.clear()
     impasto.fit_sbrdf(stack, normals=stereo, joint=False).save(tmp_path / "fit.npz")
     # The file, then its name.

@@ -232,7 +232,9 @@ def test_other_stores_are_refused_and_left_alone(result: impasto.Sbrdf, tmp_path
 
 def test_a_store_of_another_thing_is_refused(tmp_path: Path) -> None:
     impasto.learn_sbrdf(stack(), pooling="none").save(tmp_path / "learned.zarr")
-    with pytest.raises(CorruptInputError, match=r"holds impasto\.LearnedModel, no result"):
+    with pytest.raises(
+        CorruptInputError, match=r"holds impasto\.LearnedModel, not the result of a fit"
+    ):
         impasto.load_sbrdf(tmp_path / "learned.zarr")
     assert impasto.load_learned(tmp_path / "learned.zarr").extent == (70, 90)
 

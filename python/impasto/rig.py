@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.casts import quiet_cast
 from impasto._internal.checks import length_mm, numbers, picked, three_numbers
 from impasto._internal.rotation import quarter_turns_of, rotated_rows, rotated_vector
 from impasto._internal.thin_plate import over_directions
@@ -384,7 +385,8 @@ def _lights(lights: Any) -> tuple[Light, ...]:
             raise GeometryError("lights: expected at least one light, found none")
         return tuple(lights)
     try:
-        array = np.asarray(lights, dtype=np.float64)
+        with quiet_cast():
+            array = np.asarray(lights, dtype=np.float64)
         if array.ndim == 0:
             raise TypeError
     except (TypeError, ValueError) as error:

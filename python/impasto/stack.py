@@ -162,6 +162,8 @@ class Stack:
             reachable(self.saturation, int(full))
         set_(self, "scale", _per_band(scale, count, "scale"))
         set_(self, "black", _per_band(black, count, "black"))
+        if not np.isfinite(self.black).all():
+            raise ArgumentError("black: expected finite numbers, found infinity")
         set_(self, "encoding", encoding)
         set_(self, "names", _names(names, [f"{i}" for i in range(observations)], "names"))
         set_(self, "notes", tuple(notes))
@@ -255,12 +257,14 @@ class Stack:
 
     def _linear(self, samples: NDArray[Any]) -> NDArray[np.float32]:
         stored = samples.astype(np.float32)
-        value = (stored - self.black[:, None, None].astype(np.float32)) * self.scale[
-            :, None, None
-        ].astype(np.float32)
-        if self.saturation is not None:
-            # In single precision, as the numerics compare: 0.9 is less there.
-            value[stored >= self.saturation[:, None, None].astype(np.float32)] = np.inf
+        with quiet_cast():
+            black, scale = (
+                one[:, None, None].astype(np.float32) for one in (self.black, self.scale)
+            )
+            value = (stored - black) * scale
+            if self.saturation is not None:
+                # In single precision, as the numerics compare: 0.9 is less there.
+                value[stored >= self.saturation[:, None, None].astype(np.float32)] = np.inf
         return np.asarray(value, dtype=np.float32)
 
     @property
@@ -268,7 +272,8 @@ class Stack:
         """``(band,)``: linear light from which samples are clipped; +inf without saturation."""
         if self.saturation is None:
             return np.full(self.shape[1], np.inf, np.float32)
-        return np.asarray((self.saturation - self.black) * self.scale, dtype=np.float32)
+        with quiet_cast():
+            return np.asarray((self.saturation - self.black) * self.scale, dtype=np.float32)
 
     def encode(self, linear: ArrayLike) -> NDArray[np.float32]:
         """Linear values back to the files' coded values: 0 .. full scale, clipped, not rounded.

@@ -55,10 +55,9 @@ class _RefusedError(ArgumentError):
 def _refusal(
     diagnosis: Diagnosis, photographs: Stack, path: Path, reading: Reading, out: Path
 ) -> str:
-    from impasto.doctor.before_fit import spoiling
 
     lines = ["the photographs and their lights do not belong together:"]
-    for finding in spoiling(diagnosis):
+    for finding in diagnosis.of("error", "warning"):
         lines += [f"  {finding.code}: {finding.message}", f"  -> {finding.advice}"]
     if _has_repair(photographs, path):
         repaired = (path if path.is_dir() else path.parent) / REPAIRED

@@ -70,18 +70,16 @@ def before_fit(stack: Stack) -> Diagnosis:
     return Diagnosis(tuple(found), stack.names, stack.shape)
 
 
-def refuse_faults(stack: Stack) -> None:
-    """Raise an error if :func:`before_fit` finds any, and warn of what else it finds.
+def refuse_faults(diagnosis: Diagnosis) -> None:
+    """Raise an error if :func:`before_fit` has found any, and warn the caller's caller of the rest.
 
     Raises
     ------
     ArgumentError
         With the findings, and how to go on.
     """
-    diagnosis = before_fit(stack)
-    faults = spoiling(diagnosis)
-    if faults:
-        words = f"{_words(faults)}; impasto.doctor.examine(stack) says more"
+    if spoiling(diagnosis):
+        words = f"{_words(diagnosis.findings)}; impasto.doctor.examine(stack) says more"
         raise ArgumentError(f"stack: {words}, check=False fits it as it is")
     if diagnosis.findings:
         words = f"stack: {_words(diagnosis.findings)}"
@@ -106,7 +104,8 @@ def _suspicious(stack: Stack) -> tuple[bool, list[Finding]]:
     if surface_of(sampled, stack.rig.directions) is None or _is_black(stack, sampled):
         return False, []
     similarity = measure_similarity(sampled)
-    orders = order(sampled)[0]
+    one_view = not _core.views_differ(RigArguments.of(stack.rig))
+    orders = order(sampled, one_view=one_view)[0]
     warned = [finding for finding in orders if finding.severity == "warning"]
     found = [
         *duplicates(stack, sampled, similarity),
@@ -114,7 +113,7 @@ def _suspicious(stack: Stack) -> tuple[bool, list[Finding]]:
         *pairing(stack, sampled, similarity),
     ]
     if any(_spoils(stack, finding) for finding in found):
-        return True, []
+        return True, warned
     count = len(stack.rig)
     some = np.unique(np.linspace(0, count - 1, min(count, _PHOTOGRAPHS)).astype(int)).tolist()
     relief = SampledTiles.of(stack, photographs=some, most=_RELIEF_SAMPLES // len(some))

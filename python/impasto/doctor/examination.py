@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto import _core
+from impasto._internal.border import RigArguments
 from impasto.doctor.diagnosis import Diagnosis, Finding
 from impasto.doctor.directions import directions
 from impasto.doctor.exposure import Exposure, exposure
@@ -50,7 +52,8 @@ def examine(stack: Stack) -> Diagnosis:
     similarity = measure_similarity(sampled)
     found += duplicates(stack, sampled, similarity)
     if surface is not None:
-        out_of_step, right_order = order(sampled)
+        one_view = not _core.views_differ(RigArguments.of(stack.rig))
+        out_of_step, right_order = order(sampled, one_view=one_view)
         if right_order is not None:
             repaired = exchanged(sampled, similarity, stack.rig.directions)
             given = np.arange(len(stack.rig))

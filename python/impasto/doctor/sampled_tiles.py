@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.casts import quiet_cast
 from impasto.lights import PointLight
 from impasto.rig import Rig
 from impasto.stack import Stack
@@ -96,11 +97,12 @@ def linear(stack: Stack, stored: NDArray[np.generic]) -> NDArray[np.float32]:
     """Stored samples ``(band, ...)`` of one observation as linear light, clipped ones +inf."""
     shape = (-1, *[1] * (stored.ndim - 1))
     values = stored.astype(np.float32)
-    result = (values - stack.black.reshape(shape).astype(np.float32)) * stack.scale.reshape(
-        shape
-    ).astype(np.float32)
-    if stack.saturation is not None:
-        result[values >= stack.saturation.reshape(shape)] = np.inf
+    with quiet_cast():
+        black, scale = (one.reshape(shape).astype(np.float32) for one in (stack.black, stack.scale))
+        result = (values - black) * scale
+        if stack.saturation is not None:
+            # In single precision, as the numerics compare: 0.9 is less there.
+            result[values >= stack.saturation.reshape(shape).astype(np.float32)] = np.inf
     return np.asarray(result, dtype=np.float32)
 
 

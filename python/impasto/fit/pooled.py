@@ -162,8 +162,8 @@ class PooledSbrdf(Sbrdf):
             elif self.verdict != "fitted":
                 lobe += f" ({self.verdict})"
         lobe += " under a varnish" * self.coated
-        settled = self.converged or self.verdict == "no-highlight"
-        return lobe if settled else f"{lobe}; {self._under_way()}"
+        over = self.converged or self.verdict == "no-highlight"
+        return lobe if over else f"{lobe}; {self._under_way()}"
 
     def _under_way(self) -> str:
         """How much the last step changed the lobe, compared with its standard deviations."""

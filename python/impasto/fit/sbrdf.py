@@ -304,9 +304,9 @@ def fit_sbrdf(
     check_arguments(method, residuals, threads, progress)
     relief = None if relief is None else truth(relief, "relief")
     if truth(check, "check"):
-        from impasto.doctor.before_fit import refuse_faults
+        from impasto.doctor.before_fit import before_fit, refuse_faults
 
-        wait_for(refuse_faults, stack)
+        refuse_faults(wait_for(before_fit, stack))
     given: dict[str, Any] = {
         "segments": segments,
         "lobes": lobes,
