@@ -78,7 +78,7 @@ impl Default for Options {
 
 impl Options {
     /// For starts that may be far from anywhere: small first steps (a hundredth of the undamped one),
-    /// a long memory, patience. From the first starts of NIST's BoxBOD and MGH17 the defaults end
+    /// a long memory, patience. From the first starts of NIST's `BoxBOD` and MGH17 the defaults end
     /// elsewhere and these do not; along MGH10's valley 5000 steps are needed (`tests/lm/nist.rs`).
     #[must_use]
     pub fn cautious() -> Self {
