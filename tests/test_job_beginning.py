@@ -217,11 +217,11 @@ def test_a_photograph_that_changes_while_it_is_hashed_is_found(
 ) -> None:
     """The hash may be that of the new file, and what was learned that of the old one."""
     path, out = photographs(tmp_path), tmp_path / "painting.zarr"
-    other = (tmp_path / "light4.tif").read_bytes()
+    (tmp_path / "new.tif").write_bytes((tmp_path / "light4.tif").read_bytes())
 
     def change(done: int, total: int) -> None:
-        if done == 0:
-            (tmp_path / "light3.tif").write_bytes(other)
+        if done == 0:  # at once: the photographs are read by another thread meanwhile
+            (tmp_path / "new.tif").replace(tmp_path / "light3.tif")
 
     monkeypatch.setattr(reading, "file_entries", while_hashing(change))
     with pytest.raises(ResumeMismatchError, match=r"light3\.tif has changed while the job ran"):

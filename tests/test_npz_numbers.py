@@ -66,3 +66,31 @@ def test_no_number_makes_numpy_warn(
     # A map may have pixels without a number; a light or a scale may not.
     assert outcomes["samples" if read is read_stack else "normal"] == "read"
     assert {one == "read" for one in outcomes.values()} == {True, False}
+
+
+@pytest.mark.parametrize("number", NUMBERS.values(), ids=NUMBERS)
+def test_no_number_in_an_array_makes_numpy_warn(number: np.ndarray[Any, Any]) -> None:
+    """The same in what is fitted, encoded and lit without a file."""
+    samples = photographs().samples.astype(number.dtype)
+    samples[0, 0, 0, 0] = number
+    few = photographs().samples[0, 0].astype(number.dtype)
+    few[0, 0] = number
+    normal = np.zeros((3, 4, 6), number.dtype)
+    normal[2] = 1.0
+    normal[0, 0, 0] = number
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fitted = impasto.fit_normals(impasto.Stack(samples, lights=spiral(5), saturation=3.0))
+        coded = impasto.Encoding("srgb", white=255.0).encode(few)
+        lit = impasto.Surface(normal, np.full((1, 4, 6), 0.5)).predict(spiral(5))
+    assert np.isfinite(fitted.normal[:, 1:]).all()
+    assert np.isfinite(coded[1:]).all()
+    assert np.isfinite(lit[..., 1:, :]).all()
+
+
+def test_a_scale_beyond_single_precision_makes_numpy_not_warn() -> None:
+    stack = impasto.Stack(photographs().samples, lights=spiral(5), scale=1e300, saturation=3.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fitted = impasto.fit_normals(stack)
+    assert (fitted.status != impasto.Status.FITTED).all()

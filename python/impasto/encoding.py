@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impasto._internal.casts import quiet_cast
 from impasto.errors import ArgumentError
 
 POINTS = "points:"
@@ -117,6 +118,7 @@ class Encoding:
             linear = magnitude ** float(self.curve)
         return np.asarray(np.copysign(linear, value), dtype=np.float32)
 
+    @quiet_cast()
     def encode(self, linear: ArrayLike, *, clip: bool = True) -> NDArray[np.float32]:
         """Coded values from linear light, clipped to 0 .. ``white``, not rounded.
 

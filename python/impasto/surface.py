@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.casts import quiet_cast
 from impasto._internal.checks import length_mm, one_of, picked, refractive_index, truth
 from impasto._internal.viewing import Viewable
 from impasto._internal.waiting import floats
@@ -371,7 +372,8 @@ _SAMPLE = 4096
 def _warn_of_lengths(normals: Map) -> None:
     """Point out vectors that are no unit vectors: light is multiplied by their length."""
     flat = normals.reshape(3, -1)
-    some = flat[:, :: max(1, flat.shape[1] // _SAMPLE)].astype(np.float64)
+    with quiet_cast():
+        some = flat[:, :: max(1, flat.shape[1] // _SAMPLE)].astype(np.float64)
     squares = (some * some).sum(axis=0)
     known = squares[np.isfinite(squares) & (squares > 0.0)]
     # Codes of 8 bits, (n + 1) / 2, are off by 1 % at most.

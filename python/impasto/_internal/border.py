@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impasto._internal.casts import contiguous, quiet_cast
 from impasto._internal.direct_light import DirectStack, InterreflectionArguments
 from impasto.rig import Rig
 from impasto.stack import Stack, checked_stack
@@ -61,15 +62,16 @@ class StackArguments:
         checked_stack(stack)
         rig = stack.rig
         observations, bands = stack.shape[:2]
-        gain = stack.scale[None, :] / rig.intensities[:, None]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
+        with quiet_cast():
+            gain = stack.scale[None, :] / rig.intensities[:, None]
+            offset = -stack.black[None, :] * gain
+            gain, offset = gain.astype(np.float32), offset.astype(np.float32)
         return cls(
             samples=stack.samples,
-            gain=gain.astype(np.float32),
-            offset=(-stack.black[None, :] * gain).astype(np.float32),
-            saturation=np.ascontiguousarray(
-                np.broadcast_to(saturation, (observations, bands)), dtype=np.float32
-            ),
+            gain=gain,
+            offset=offset,
+            saturation=contiguous(np.broadcast_to(saturation, (observations, bands)), np.float32),
             mask=stack.mask,
             rig=RigArguments.of(rig),
             interreflections=stack.interreflections if isinstance(stack, DirectStack) else None,

@@ -237,4 +237,7 @@ def less_words(fits: Callable[[int], bool]) -> str:
 
 def in_words(size: int) -> str:
     """Bytes of a memory, for messages."""
-    return f"{size / 2**20:.3g} MiB"
+    for power, unit in ((30, "GiB"), (20, "MiB"), (10, "KiB")):
+        if size >= 2**power:
+            return f"{size / 2**power:.4g} {unit}"
+    return f"{size} B"

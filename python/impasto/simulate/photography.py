@@ -264,7 +264,7 @@ def _check(
     one_of(model, MODELS, "model")
     if bits is not None and not (is_whole(bits) and 1 <= bits <= 16):
         raise ArgumentError(f"bits: expected 1 to 16 or None, found {bits!r}")
-    share = "a share of full scale above 0"
+    share = "a share of full scale above 0 and up to 1"
     if not 0.0 < number(exposure, "exposure", share) <= 1.0:
         raise ArgumentError(f"exposure: expected {share}, found {exposure!r}")
     if not (is_whole(frames) and frames >= 1):
