@@ -137,6 +137,24 @@ def test_a_job_knows_the_tiles_of_a_store_by_the_checksums_in_them(tmp_path: Pat
     assert impasto.jobs.verify(fitted) == ()
 
 
+def test_what_a_window_costs_does_not_grow_with_the_store(tmp_path: Path) -> None:
+    """A window names the files that it is read from, and only these are looked at after it."""
+    out = impasto.ingest(stack(), tmp_path / "stack.zarr", tile=32)
+    whole = impasto.read_stack(out)
+    part = impasto.read_stack(out, region=(0, 0, 30, 40))
+    tiles = [one for one in whole.sources if one.parent.parent.name == "0"]
+    own = [one for one in part.sources if one in tiles]
+    assert {one.relative_to(out).parts[-2:] for one in own} == {("0", "0"), ("0", "1")}
+    assert set(whole.sources) - set(part.sources) == set(tiles) - set(own)
+    opened = reading.open_photographs(out, {}, 1, None)
+    opened.inputs()
+    window = slice(0, 30), slice(0, 40)
+    (far,) = (one for one in tiles if one.parts[-2:] == ("2", "2") and "samples" in one.parts)
+    far.write_bytes(far.read_bytes() + b"more")
+    assert opened.changed(window) == []
+    assert opened.changed((slice(60, 70), slice(60, 70))) == opened.changed() == [far]
+
+
 def test_pictures_that_are_decoded_whole_are_decoded_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from impasto._internal.build import build_name
 from impasto._internal.calls import ProgressCallback, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto._internal.memory import DEFAULT_MEMORY
+from impasto._internal.windows import Window
 from impasto.errors import ArgumentError, GeometryError, ResumeMismatchError
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.fit.subsample import Sample, checked_stride
@@ -323,7 +324,10 @@ def _carried_out(
 
         report(len(done))
         # A photograph that is exchanged, and put back before the job ends, is in the tiles between.
-        log = TileLog(notes, grid, journal, report, lambda: _refuse_changed(photographs))
+        log = TileLog(
+            notes, grid, journal, report,
+            lambda tile: _refuse_changed(photographs, grid.window(tile, model.halo)),
+        )  # fmt: skip
         missing = [tile for tile in grid if tile not in done]
         if client is None:
             fit_tiles(
@@ -347,9 +351,9 @@ def _carried_out(
     return target
 
 
-def _refuse_changed(photographs: Photographs) -> None:
+def _refuse_changed(photographs: Photographs, window: Window | None = None) -> None:
     """What was learned, and every tile, must be of the photographs of the record."""
-    if changed := photographs.changed():
+    if changed := photographs.changed(window):
         raise ResumeMismatchError(
             f"source: {changed[0]} has changed while the job ran; restore it and resume, or "
             "begin anew (resume=False, --no-resume)"

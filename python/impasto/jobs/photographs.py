@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from impasto._internal.checks import suggestion
 from impasto._internal.recycling import Recycled, recycling
-from impasto._internal.windows import offset
+from impasto._internal.windows import Window, offset
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.fit.deferred import Deferred
@@ -108,8 +108,11 @@ class Photographs(ABC):
         report(0, 0)
         return self.inputs()
 
-    def changed(self) -> list[Path]:
+    def changed(self, window: Window | None = None) -> list[Path]:
         """Files whose content is another than when they were opened, after they were hashed.
+
+        With a window those from which it is read, if that are few: a store has a file for every
+        tile.
 
         A file of which only date or number have changed is hashed again. Where that happened
         before it was hashed, nobody knows what it held: it counts as changed.
@@ -265,7 +268,9 @@ class Files(Photographs):
             codes = picture.dtype.itemsize
         # That of the whole painting: a region of files has the world's origin in its own middle.
         self._rig = self._stack_of(_middle(size, (1, 1))).rig.here
-        self._inputs, self._notes = one.sources, _in_plain(one.notes)
+        self._store = StoredStack(path.absolute()) if path.suffix.lower() == SUFFIX else None
+        sources = one.sources if self._store is None else tuple(self._store.files())
+        self._notes = _in_plain(one.notes)
         observations, bands = one.shape[:2]
         self._shape = (observations, bands, *size)
         samples = one.samples.dtype.itemsize
@@ -277,8 +282,8 @@ class Files(Photographs):
                     raise ArgumentError(
                         f"mask: {self._mask} has {picture.shape[1:]} pixels, the photographs {size}"
                     )
-            self._inputs = (*one.sources, Path(self._mask))
-        paths = dict.fromkeys(path.absolute() for path in self._inputs)
+            sources = (*sources, Path(self._mask))
+        paths = dict.fromkeys(path.absolute() for path in sources)
         # Before any pixel that counts is read, and before the hashes.
         self._seen = {path: _trace(path) for path in paths}
         self._hashes: dict[Path, dict[str, Any]] = {}
@@ -323,21 +328,20 @@ class Files(Photographs):
         return self.hashed(lambda done, total: None)
 
     def hashed(self, report: Callable[[int, int], object]) -> list[dict[str, Any]]:  # noqa: D102
-        if self._path.suffix.lower() != SUFFIX:
+        if self._store is None:
             return file_entries(list(self._seen), report, self._keep)
-        stored = StoredStack(self._path.absolute())
         found: list[dict[str, Any]] = []
         total = sum(path.stat().st_size for path in self._seen)
         for path in self._seen:
             report(sum(one["bytes"] for one in found), total)
-            found.append(stored.tile_entry(path) or file_entry(path))
+            found.append(self._store.tile_entry(path) or file_entry(path))
             self._keep(path, found[-1])
         return found
 
-    def changed(self) -> list[Path]:  # noqa: D102
+    def changed(self, window: Window | None = None) -> list[Path]:  # noqa: D102
         found = []
-        for path, trace in list(self._seen.items()):
-            if (now := _trace(path)) == trace:
+        for path in list(self._seen) if self._store is None else self._store.files(window):
+            if (now := _trace(path)) == self._seen[path]:
                 continue
             if self._is_other(path):
                 found.append(path)
@@ -363,10 +367,9 @@ class Files(Photographs):
 
     def _read_again(self, path: Path) -> dict[str, Any]:
         """Name, size and hash of a file; of a tile of a store its checksum, that of its numbers."""
-        if self._path.suffix.lower() != SUFFIX:
+        if self._store is None:
             return file_entry(path)
-        stored = StoredStack(self._path.absolute())
-        return stored.tile_entry(path, compare=True) or file_entry(path)
+        return self._store.tile_entry(path, compare=True) or file_entry(path)
 
     def inside(self, sample: Sample) -> int:  # noqa: D102
         if self._stack is not None:
@@ -392,7 +395,7 @@ class Files(Photographs):
         return self._read(region, self._encoding)
 
     def thinned(self, rows: slice, columns: slice, stride: int) -> Stack:  # noqa: D102
-        if self._stack is not None or self._path.suffix.lower() != SUFFIX:
+        if self._stack is not None or self._store is None:
             return super().thinned(rows, columns, stride)
         return thinned_stored(self._path, (rows, columns), stride)
 
@@ -440,8 +443,8 @@ class Files(Photographs):
         """The mask of a region, or all of it; None where there is none."""
         top, left, height, width = region or (0, 0, *self.size)
         rows, columns = slice(top, top + height), slice(left, left + width)
-        if self._path.suffix.lower() == SUFFIX:
-            return StoredStack(self._path).mask(rows, columns)
+        if self._store is not None:
+            return self._store.mask(rows, columns)
         mask = self._whole_mask
         return None if mask is None else mask[rows, columns]
 

@@ -65,7 +65,7 @@ class TileLog:
     report
         Called after every tile with the number of those that are on the disk at least.
     check
-        Called before a tile is taken down; an error of it leaves the tile out.
+        Called with a tile before it is taken down; an error of it leaves the tile out.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class TileLog:
         grid: Grid,
         journal: Journal,
         report: Callable[[int], object],
-        check: Callable[[], object] = lambda: None,
+        check: Callable[[Tile], object] = lambda tile: None,
     ) -> None:
         self._notes = notes
         self._grid = grid
@@ -93,7 +93,7 @@ class TileLog:
 
     def add(self, tile: Tile, written: WrittenTile) -> None:
         """A tile all of whose files are on the disk."""
-        self._check()
+        self._check(tile)
         self._keep(written.numbers)
         self._journal.add(tile, written.entry)
         before, self._last = self._last, time.monotonic()

@@ -82,11 +82,16 @@ class StoredStack:
         rows = np.atleast_2d(self._text.get("inputs", np.empty((0, 1), np.str_)))
         return [str(row[0]) for row in rows if len(row)]
 
-    def files(self) -> list[Path]:
-        """Every file of the store."""
-        inner = [name for array in self._arrays.values() for name, _ in array.paths()]
-        about = [METADATA, *(array.metadata_path for array in self._arrays.values())]
-        return [self._path / name for name in sorted([*inner, *about])]
+    def files(self, window: Window | None = None) -> list[Path]:
+        """Every file of the store, or those from which a window is read."""
+        names = [METADATA]
+        for array in self._arrays.values():
+            names.append(array.metadata_path)
+            if window is None or array.tile is None:
+                names += [name for name, _ in array.paths()]
+            else:
+                names += [array.path(*tile) for tile in array.tiles(*window)]
+        return [self._path / name for name in sorted(names)]
 
     def tile_entry(self, file: Path, *, compare: bool = False) -> dict[str, Any] | None:
         """Name, size and checksum of the file of a tile, for those who must know it again.
@@ -199,14 +204,14 @@ def read_stored(path: Path, given: Mapping[str, Any], region: Sequence[int] | No
     top, left, height, width = area
     window = slice(top, top + height), slice(left, left + width)
     part = offset(window, stored.size)
-    return stack_of_arrays(stored.read(window), path, part, stored.files())
+    return stack_of_arrays(stored.read(window), path, part, stored.files(window))
 
 
 def thinned_stored(path: Path, window: Window, stride: int) -> Stack:
     """Every so many rows and columns of a window of a store; it lies where the window does."""
     stored = StoredStack(path)
     part = offset(window, stored.size)
-    return stack_of_arrays(stored.read(window, stride), path, part, stored.files())
+    return stack_of_arrays(stored.read(window, stride), path, part, stored.files(window))
 
 
 def arrays_of_store(stack: Stack) -> dict[str, NDArray[Any]]:
