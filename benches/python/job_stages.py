@@ -2,17 +2,17 @@
 
     python benches/python/job_stages.py [--record]
 
-One tile of 1024 x 1024 pixels of 16 tiled TIFFs in six bands of 16 bits, photometric stereo by
-least squares, half precision: every step alone, in the order of a job, in milliseconds of a
-processor; the least of five. *Hashes* are the SHA-256 of what the tile has of the photographs;
-the same tile of the store that ``impasto.ingest`` makes of them is known by checksums in its file.
-Fits with lobes, of a model that is learned from the tile, run twice. *All of encoding*, of the maps
-of photometric stereo, contains the two steps before it, statistics, and the files in memory. What
-is written goes to the disk; the photographs are in the system's cache.
+One tile of 1024 x 1024 pixels of 16 tiled TIFFs in six bands of 16 bits, half precision: every step
+alone, in milliseconds of a processor; the least of five, of a fit with lobes the lesser of two.
+``reading``: *hashes* are the SHA-256 of what the tile has of the photographs; the same tile of the
+store that ``impasto.ingest`` makes of them is known by checksums in its file. ``tiles``: a row for
+every fit, by a model that is learned from the tile. *Encoding* contains the smaller scale, half
+precision and statistics, and gives files in memory. What is written goes to the disk; the
+photographs are in the system's cache.
 
-``paces``: what share of these steps a fit is, from files, which learning reads once more, and from
-the store, of which learning copies a ninth. Steps run one after another, so that other
-programs on the machine change a share less than the time of a whole job (``job_pace.py``).
+``files`` and ``store``: what share of all steps a fit is, from files, which learning reads once
+more, and from the store, of which learning copies a ninth. Steps run one after another, so that
+other programs on the machine change a share less than the time of a whole job (``job_pace.py``).
 """
 
 from __future__ import annotations
@@ -42,77 +42,89 @@ from impasto.jobs.tiles import fitted
 from impasto.report import file_entry
 
 TILE, ROUNDS = 1024, 5
-LOBES: dict[str, dict[str, Any]] = {
+FITS: dict[str, dict[str, Any]] = {
+    "stereo": STEREO,
     "one lobe": {"pooling": "painting"},
     "own lobes": {"pooling": "pixel"},
 }
-AFTER = ("all of encoding", "checksums", "writing")
-BESIDE = {
-    "files": ("hashes", "reading", "reading", *AFTER),
-    "store": ("hashes, store", "reading, store", "a ninth of it, store", *AFTER),
+BEFORE = {
+    "files": ("hashes", "reading", "reading"),
+    "store": ("hashes, store", "reading, store", "a ninth of it, store"),
 }
+AFTER = ("encoding ms", "checksums ms", "writing ms")
 
 
-def measured(folder: Path) -> list[dict[str, Any]]:
-    """The steps of one tile."""
-    photographs(4.2, folder, BANDS)
-    # Of no memory, so that windows are read from the files.
-    source = open_photographs(folder / "dirs.lp", {}, 1, None)
-    grid = Grid(*source.size, TILE)
-    window = grid.window((0, 0))
-    model = impasto.learn_sbrdf(source.window(*window), **STEREO)
-    rows: list[dict[str, Any]] = []
+def least(work: Callable[[], Any], rounds: int = ROUNDS) -> tuple[float, Any]:
+    """Milliseconds of a processor, and what is found."""
+    times = []
+    for _ in range(rounds):
+        start = time.process_time()
+        found = work()
+        times.append(time.process_time() - start)
+    return 1e3 * min(times), found
 
-    def step(name: str, work: Callable[[], Any], share: float = 1.0, rounds: int = ROUNDS) -> Any:
-        times = []
-        for _ in range(rounds):
-            start = time.process_time()
-            found = work()
-            times.append(time.process_time() - start)
-        rows.append({"step": name, "ms": 1e3 * min(times) * share})
-        return found
 
+def reading(folder: Path, source: Photographs, grid: Grid) -> list[dict[str, Any]]:
+    """What it takes until the photographs of a tile are there."""
     names = [folder / f"light{index:02}.tif" for index in range(LIGHTS)]
-    part = TILE**2 / (source.size[0] * source.size[1])
-    step("hashes", lambda: [file_entry(name) for name in names], part)
+    store = impasto.ingest(folder / "dirs.lp", folder / "stack.zarr", tile=TILE)
+    stored = open_photographs(store, {}, 1, None)
+    window = grid.window((0, 0))
     memory = Recycled()
 
     def window_of(photographs: Photographs) -> impasto.Stack:
         with recycling(memory):  # as the second pass of a job does
             return photographs.window(*window)
 
-    stack = step("reading", lambda: window_of(source))
-    store = impasto.ingest(folder / "dirs.lp", folder / "stack.zarr", tile=TILE)
-    stored = open_photographs(store, {}, 1, None)
-    step("hashes, store", stored.inputs, part)
-    step("reading, store", lambda: window_of(stored))
-    step("a ninth of it, store", lambda: stored.thinned(*window, 3))
-    result = step("fit", lambda: fitted(model, stack, grid, (0, 0), 1))
-    small = step("smaller scale", lambda: half_scale(result, grid))
+    part = TILE**2 / (source.size[0] * source.size[1])
+    steps: dict[str, tuple[Callable[[], Any], float]] = {
+        "hashes": (lambda: [file_entry(name) for name in names], part),
+        "reading": (lambda: window_of(source), 1.0),
+        "hashes, store": (stored.inputs, part),
+        "reading, store": (lambda: window_of(stored), 1.0),
+        "a ninth of it, store": (lambda: stored.thinned(*window, 3), 1.0),
+    }
+    return [{"step": name, "ms": least(work)[0] * share} for name, (work, share) in steps.items()]
+
+
+def of_a_tile(folder: Path, stack: impasto.Stack, grid: Grid, fit: str) -> dict[str, Any]:
+    """What it takes from the photographs of a tile to its files on the disk."""
+    model = impasto.learn_sbrdf(stack, **FITS[fit])
+    rounds = ROUNDS if fit == "stereo" else 2
+    ms, result = least(lambda: fitted(model, stack, grid, (0, 0), 1), rounds)
+    row: dict[str, Any] = {"fit": fit, "ms": ms}
+    row["smaller scale ms"], small = least(lambda: half_scale(result, grid))
     arrays = result._saved()
     maps = {name: arrays[name] for name in maps_of(result)} | small
     for name in same_arrays(maps):
         del maps[name]
-    step("half precision", lambda: [to_store(name, maps[name], "half") for name in maps])
-    files, _ = step("all of encoding", lambda: files_of_tile(grid, (0, 0), result, "half"))
-    step("checksums", lambda: [crc_of(data) for data in files.values()])
-    target = folder / "store"
-    step("writing", lambda: atomic_together({target / name: files[name] for name in files}))
-    for name, options in LOBES.items():
-        lobes = impasto.learn_sbrdf(stack, **options)
-        step(f"fit, {name}", lambda lobes=lobes: fitted(lobes, stack, grid, (0, 0), 1), rounds=2)
-    return rows
+    row["half precision ms"], _ = least(
+        lambda: [to_store(name, maps[name], "half") for name in maps]
+    )
+    row["encoding ms"], (files, _) = least(lambda: files_of_tile(grid, (0, 0), result, "half"))
+    row["checksums ms"], _ = least(lambda: [crc_of(data) for data in files.values()])
+    named = {folder / fit / name: data for name, data in files.items()}
+    row["writing ms"], _ = least(lambda: atomic_together(named))
+    return row
 
 
-def paces(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What share of a job each fit is."""
-    ms = {row["step"]: row["ms"] for row in rows}
-    found = []
-    for fit, name in {"stereo": "fit", **{fit: f"fit, {fit}" for fit in LOBES}}.items():
-        beside = {way: sum(ms[step] for step in steps) for way, steps in BESIDE.items()}
-        shares = {way: ms[name] / (ms[name] + beside[way]) for way in BESIDE}
-        found.append({"fit": fit, "ms": ms[name], **shares})
-    return found
+def measured(folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """The steps before the fit, those from there on for every fit, and its share of all."""
+    photographs(4.2, folder, BANDS)
+    # Of no memory, so that windows are read from the files.
+    source = open_photographs(folder / "dirs.lp", {}, 1, None)
+    grid = Grid(*source.size, TILE)
+    before = reading(folder, source, grid)
+    stack = source.window(*grid.window((0, 0)))
+    ms = {row["step"]: row["ms"] for row in before}
+    tiles = []
+    for fit in FITS:
+        row = of_a_tile(folder, stack, grid, fit)
+        after = sum(row[step] for step in AFTER)
+        for way, steps in BEFORE.items():
+            row[way] = row["ms"] / (row["ms"] + after + sum(ms[step] for step in steps))
+        tiles.append(row)
+    return {"reading": before, "tiles": tiles}
 
 
 def main() -> None:
@@ -120,12 +132,12 @@ def main() -> None:
     parser.add_argument("--record", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        rows = measured(Path(name))
-    show("A tile of a job", rows)
-    show("Share of the fit", paces(rows))
+        found = measured(Path(name))
+    for what, rows in found.items():
+        show(f"A tile of a job: {what}", rows)
     if options.record:
         run = run_info("benches/python/job_stages.py --record")
-        write("job_stages.json", {"run": run, "stages": rows, "paces": paces(rows)})
+        write("job_stages.json", {"run": run, **found})
 
 
 if __name__ == "__main__":
