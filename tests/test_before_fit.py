@@ -87,6 +87,19 @@ def test_lights_in_any_other_order_are_warned_of(rig: str, varnish: str | None) 
     assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}
 
 
+def test_lights_in_another_order_that_seem_turned_are_not_to_be_turned() -> None:
+    stack = captured(3, RIGS[1], "matte")
+    given = stack.rig.directions
+    shuffled = lit(stack, given[np.random.default_rng(6).permutation(len(given))])
+    diagnosis = doctor.examine(shuffled)
+    assert diagnosis["order"].numbers["verdict"] == "random"
+    found = diagnosis["directions"]
+    assert found.severity == "error"
+    assert found.advice.startswith("make sure of the order first")
+    directions = doctor.repaired_directions(shuffled, diagnosis)
+    assert directions.tobytes() == shuffled.rig.directions.tobytes()
+
+
 @pytest.mark.parametrize("relief", [0.0, 0.1])
 def test_a_plane_under_a_ring_of_uneven_lamps_is_in_no_random_order(relief: float) -> None:
     """Its photographs are alike but for the strengths of the lamps, under any list of lights."""

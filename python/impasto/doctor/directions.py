@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -121,6 +122,21 @@ def _wrong(best: tuple[float, bool], falloff: FallOff, numbers: dict[str, Any]) 
         message += f", or {twin}"
         advice += f"; if hollows then look like bumps, it is {twin_repair}"
     return Finding("directions", "error", f"{message}. {_ratios(numbers)}", advice, (), numbers)
+
+
+def in_doubt(finding: Finding) -> Finding:
+    """The finding where lights in random order fit as well: they seem turned, too.
+
+    There is no repair then that could be written without a look at the list.
+    """
+    if finding.severity != "error":
+        return finding
+    numbers = dict(finding.numbers)
+    numbers.pop("alternative_repair", None)
+    repair = numbers.pop("repair", None)
+    then = f"use {repair} in place of each direction (x, y, z)" if repair else finding.advice
+    advice = f"make sure of the order first: lights in random order seem turned, too; then {then}"
+    return replace(finding, advice=advice, numbers=numbers)
 
 
 def _use(repair: str) -> str:

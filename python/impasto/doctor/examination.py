@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from impasto import _core
 from impasto._internal.border import RigArguments
 from impasto.doctor.diagnosis import Diagnosis, Finding
-from impasto.doctor.directions import directions
+from impasto.doctor.directions import directions, in_doubt
 from impasto.doctor.exposure import Exposure, exposure
 from impasto.doctor.lights import lights
-from impasto.doctor.order import misfit_of, order
+from impasto.doctor.order import AT_RANDOM, misfit_of, order
 from impasto.doctor.pairing import exchanged, measure_similarity, pairing
 from impasto.doctor.photographs import duplicates, reading
 from impasto.doctor.sampled_tiles import SampledTiles
@@ -67,7 +67,9 @@ def examine(stack: Stack) -> Diagnosis:
             stack = stack._replace(rig=stack.rig.take(right_order.tolist()))
             sampled = replace(sampled, lights=sampled.lights[right_order])
             surface = fit_surface(sampled.grey, sampled.lights)
-        found += directions(sampled, surface, stack.rig.directions)
+        turned = directions(sampled, surface, stack.rig.directions)
+        at_random = any(finding.numbers.get("verdict") == AT_RANDOM for finding in out_of_step)
+        found += [in_doubt(finding) for finding in turned] if at_random else turned
         found += pairing(stack, sampled, similarity)
         found += strengths(stack, sampled)
         found += tone(stack)

@@ -18,6 +18,8 @@ from impasto.doctor.surface import fit_surface, shading
 Floats = NDArray[np.float64]
 Order = NDArray[np.int64]
 
+AT_RANDOM = "random"
+"""The verdict where random orders fit as well as the given one."""
 _FEWEST = 6
 _PIXELS = 4000
 _FOLDS = 6
@@ -83,7 +85,7 @@ def _at_random(given: float, at_random: float, numbers: dict[str, float]) -> Fin
         "them in another order or is that of others, or lamps or exposures are very uneven",
         "check the light file; file names in it leave no doubt. If it is right, give intensities=, "
         "or estimate them by fit_strengths (--strengths)",
-        numbers=numbers | {"verdict": "random", "misfit_at_random": round(at_random, 5)},
+        numbers=numbers | {"verdict": AT_RANDOM, "misfit_at_random": round(at_random, 5)},
     )
 
 
