@@ -64,9 +64,9 @@ class StackArguments:
         observations, bands = stack.shape[:2]
         saturation = np.full(bands, np.inf) if stack.saturation is None else stack.saturation
         with quiet_cast():
-            gain = stack.scale[None, :] / rig.intensities[:, None]
-            offset = -stack.black[None, :] * gain
-            gain, offset = gain.astype(np.float32), offset.astype(np.float32)
+            exact = stack.scale[None, :] / rig.intensities[:, None]
+            gain = exact.astype(np.float32)
+            offset = (-stack.black[None, :] * exact).astype(np.float32)
         return cls(
             samples=stack.samples,
             gain=gain,
