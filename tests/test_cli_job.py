@@ -154,24 +154,26 @@ def test_photographs_in_a_store_are_described_and_are_no_result(
     assert "photographs, not the result of a fit" in complaint(render, 3, capsys)
 
 
+SLOW_TILES = (
+    "import signal, sys, time, impasto.jobs.tiles as tiles\n"
+    "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # these tests may run under nohup
+    "fitted = tiles.fitted\n"
+    "def slow(*given):\n    time.sleep(0.2)\n    return fitted(*given)\n"
+    "tiles.fitted = slow\n"
+    "from impasto.cli import main\n"
+    "sys.exit(main(sys.argv[1:]))"
+)
+"""Every tile takes a while, so that a job is surely running when it is looked at."""
+
+
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP])
 def test_a_running_job_is_seen_and_ended_from_outside(
     end: signal.Signals, source: Path, tmp_path: Path
 ) -> None:
     """As by a batch system or a terminal: exit code 130, the command that goes on, a journal."""
     out = tmp_path / "painting.zarr"
-    # Every tile takes a while, so that it is surely running when it is looked at.
-    program = (
-        "import signal, sys, time, impasto.jobs.tiles as tiles\n"
-        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # these tests may run under nohup
-        "fitted = tiles.fitted\n"
-        "def slow(*given):\n    time.sleep(0.2)\n    return fitted(*given)\n"
-        "tiles.fitted = slow\n"
-        "from impasto.cli import main\n"
-        "sys.exit(main(sys.argv[1:]))"
-    )
     process = subprocess.Popen(
-        [sys.executable, "-c", program, *job(source, out)],
+        [sys.executable, "-c", SLOW_TILES, *job(source, out)],
         env=surroundings(),
         stderr=subprocess.PIPE,
         text=True,
@@ -193,6 +195,40 @@ def test_a_running_job_is_seen_and_ended_from_outside(
     assert process.returncode == 130
     assert f"go on with: impasto job resume {out}" in said
     assert "Traceback" not in said
+    assert jobs.verify(out) == ()
+    assert jobs.status(out).state == "interrupted"
+
+
+def test_a_terminal_that_closes_ends_a_job_as_ctrl_c_does(source: Path, tmp_path: Path) -> None:
+    """The bar of a job cannot be drawn to its end there."""
+    out = tmp_path / "painting.zarr"
+    ours, theirs = os.openpty()
+
+    def take_terminal() -> None:
+        import fcntl
+        import termios
+
+        fcntl.ioctl(theirs, termios.TIOCSCTTY, 0)
+
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_TILES, *job(source, out)],
+        env=surroundings(),
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        start_new_session=True,
+        preexec_fn=take_terminal,
+    )
+    os.close(theirs)
+    try:
+        shown = b""
+        while b"1 of 9" not in shown:
+            shown += os.read(ours, 4096)
+        os.close(ours)
+        assert process.wait(timeout=60) == 130
+    finally:
+        process.kill()
+        process.wait()
     assert jobs.verify(out) == ()
     assert jobs.status(out).state == "interrupted"
 

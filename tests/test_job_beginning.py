@@ -229,6 +229,25 @@ def test_a_photograph_that_changes_while_it_is_hashed_is_found(
     assert not out.exists()
 
 
+def test_a_photograph_that_is_edited_and_keeps_its_date_has_changed(tmp_path: Path) -> None:
+    path = photographs(tmp_path)
+    opened = reading.open_photographs(path, {}, 1, None)
+    opened.inputs()
+    file = tmp_path / "light3.tif"
+    before = file.stat()
+    with file.open("r+b") as content:
+        content.seek(-8, os.SEEK_END)
+        content.write(bytes(8))
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert opened.changed() == [file]
+
+
+def test_what_is_no_progress_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match="progress: expected True, False or a callable"):
+        impasto.run(stack(), tmp_path / "a.zarr", **OPTIONS | {"progress": "yes"})
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_is_no_job_is_not_written_into(tmp_path: Path) -> None:
     path, foreign = photographs(tmp_path), tmp_path / "painting.zarr.partial"
     foreign.mkdir()

@@ -161,6 +161,24 @@ def test_a_labelled_array_brings_its_own_lights() -> None:
     same(impasto.fit_normals(LazyStack(samples, **near)), whole, {"normal", "sigma"})
 
 
+def test_a_mask_may_name_its_dimensions_in_any_order() -> None:
+    """On a square picture nothing else tells rows from columns."""
+    taken = stack((40, 40))
+    mask = np.zeros((40, 40), bool)
+    mask[:10] = True
+    turned = xarray.DataArray(mask.T, dims=("x", "y"))
+    rig, scale = taken.rig, taken.scale
+    found = impasto.Stack(taken.samples, lights=rig, scale=scale, mask=turned)
+    assert found.mask is not None
+    np.testing.assert_array_equal(found.mask, mask)
+    samples = da.from_array(taken.samples, chunks=(*taken.shape[:2], 20, 20))
+    lazily = LazyStack(samples, lights=rig, scale=scale, mask=turned)
+    status = impasto.fit_normals(lazily)["status"].values
+    np.testing.assert_array_equal(status != impasto.Status.MASKED, mask)
+    with pytest.raises(ArgumentError, match="mask: the dimension 'time' is unknown; rename it to"):
+        impasto.Stack(taken.samples, lights=rig, mask=xarray.DataArray(mask, dims=("y", "time")))
+
+
 REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "numpy": (lambda: LazyStack(stack().samples, lights=stack().rig), "expected a dask array"),
     "dimensions": (lambda: lazy(da.zeros((3, 4))), r"expected \(obs, band, y, x\)"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -46,7 +47,27 @@ def test_no_more_is_kept_than_was_in_use() -> None:
     for rows in (SIDE, SIDE + 1, SIDE + 2):
         memory.empty((rows, SIDE), np.float32)[...] = 0
         gc.collect()
-        assert [one.nbytes for one in memory._free] == [rows * SIDE * 4]
+        assert memory.free == [rows * SIDE * 4]
+
+
+def test_memory_that_comes_back_from_a_collection_of_garbage_waits_for_nothing() -> None:
+    """Arrays in cycles come back at any line, also at those that look for free memory."""
+    memory = Recycled()
+
+    def work() -> None:
+        for _ in range(2000):
+            cycle: list[Any] = [memory.empty((LARGE,), np.uint8)]
+            cycle.append(cycle)
+
+    before = gc.get_threshold()
+    gc.set_threshold(1, 1, 1)
+    try:
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        thread.join(60.0)
+        assert not thread.is_alive()
+    finally:
+        gc.set_threshold(*before)
 
 
 def test_threads_share_no_memory() -> None:

@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from impasto._internal.casts import quiet_cast
 from impasto._internal.checks import instance, numbers, picked, reachable, unmasked
-from impasto._internal.named import coordinate, in_order, is_named, light_directions
+from impasto._internal.named import (
+    coordinate,
+    in_order,
+    is_named,
+    light_directions,
+    mask_in_order,
+)
 from impasto._internal.rotation import quarter_turns_of
 from impasto._internal.waiting import BRIEF, floats, wait_for
 from impasto._internal.windows import offset, rotated_map, window
@@ -363,7 +369,7 @@ def _warn_of_codes(samples: NDArray[Any]) -> None:
 def _mask(mask: ArrayLike | None, shape: tuple[int, int]) -> NDArray[np.bool_] | None:
     if mask is None:
         return None
-    array = np.asarray(mask)
+    array = np.asarray(mask_in_order(mask))
     if array.shape != shape:
         raise ArgumentError(f"mask: expected shape {shape}, found {array.shape}")
     if array.dtype.kind not in "biuf":

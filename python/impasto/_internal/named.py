@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,17 @@ def is_named(array: Any) -> bool:
     return all(hasattr(array, name) for name in ("dims", "coords", "transpose"))
 
 
-def in_order(array: Any, name: str) -> Any:
+def in_order(array: Any, name: str, axes_of: Sequence[str] = tuple(DIMENSIONS)) -> Any:
     """The array over (observation, band, y, x); without a band, over (observation, y, x).
+
+    Parameters
+    ----------
+    array
+        With names of its dimensions.
+    name
+        That of the argument.
+    axes_of
+        The axes, in order: of a mask y and x.
 
     Raises
     ------
@@ -32,22 +42,28 @@ def in_order(array: Any, name: str) -> Any:
         A dimension with another name, two names for one axis, or an axis that is missing.
     """
     axes: dict[str, Any] = {}
+    understood = {axis: DIMENSIONS[axis] for axis in axes_of}
     for dim in array.dims:
-        axis = next((axis for axis, known in DIMENSIONS.items() if dim in known), None)
+        axis = next((axis for axis, known in understood.items() if dim in known), None)
         if axis is None or axis in axes:
-            choices = "; ".join(f"{axis}: {', '.join(known)}" for axis, known in DIMENSIONS.items())
+            choices = "; ".join(f"{axis}: {', '.join(known)}" for axis, known in understood.items())
             why = "is unknown" if axis is None else f"means the same as {axes[axis]!r}"
             raise ArgumentError(
                 f"{name}: the dimension {dim!r} {why}; rename it to one of {choices}"
             )
         axes[axis] = dim
-    missing = [axis for axis in DIMENSIONS if axis not in axes and axis != "band"]
+    missing = [axis for axis in understood if axis not in axes and axis != "band"]
     if missing:
         raise ArgumentError(
-            f"{name}: expected the dimensions observation, band, y and x, found "
+            f"{name}: expected the dimensions {', '.join(axes_of[:-1])} and {axes_of[-1]}, found "
             f"{', '.join(map(str, array.dims)) or 'none'}"
         )
-    return array.transpose(*(axes[axis] for axis in DIMENSIONS if axis in axes))
+    return array.transpose(*(axes[axis] for axis in understood if axis in axes))
+
+
+def mask_in_order(mask: Any) -> Any:
+    """A mask over (y, x), of which one with names may have another order."""
+    return in_order(mask, "mask", ("y", "x")) if is_named(mask) else mask
 
 
 def coordinate(array: Any, axis: str) -> list[str] | None:

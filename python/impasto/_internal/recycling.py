@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -30,6 +31,8 @@ class Recycled:
 
     def __init__(self) -> None:
         self._free: list[NDArray[np.uint8]] = []
+        # A collection of garbage may give memory back at any line, also where the lock is held.
+        self._returned: deque[NDArray[np.uint8]] = deque()
         self._lock = Lock()
 
     def empty(self, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
@@ -41,11 +44,12 @@ class Recycled:
         memory = self._taken(size)
         # Every view keeps this object, and nothing else does.
         lent = (ctypes.c_ubyte * size).from_buffer(memory.data)
-        weakref.finalize(lent, self._give_back, memory).atexit = False
+        weakref.finalize(lent, self._returned.append, memory).atexit = False
         return np.frombuffer(memoryview(lent), wanted).reshape(shape)
 
     def _taken(self, size: int) -> NDArray[np.uint8]:
         with self._lock:
+            self._collect()
             fitting = [index for index, one in enumerate(self._free) if one.nbytes >= size]
             if fitting:
                 return self._free.pop(min(fitting, key=lambda index: self._free[index].nbytes))
@@ -54,9 +58,16 @@ class Recycled:
                 self._free.pop()
         return np.empty(size, np.uint8)
 
-    def _give_back(self, memory: NDArray[np.uint8]) -> None:
+    @property
+    def free(self) -> list[int]:
+        """Bytes of every piece of memory that no array has."""
         with self._lock:
-            self._free.append(memory)
+            self._collect()
+            return [one.nbytes for one in self._free]
+
+    def _collect(self) -> None:
+        while self._returned:
+            self._free.append(self._returned.popleft())
 
 
 _CURRENT: ContextVar[Recycled | None] = ContextVar("recycled", default=None)

@@ -72,6 +72,20 @@ def make_output_safe() -> None:
             stream.reconfigure(errors="replace")
 
 
+def terminals() -> list[int]:
+    """Which of the file descriptors of stdout and stderr are terminals."""
+    return [one for one in (1, 2) if os.isatty(one)]
+
+
+def silence_closed(terminals: list[int]) -> None:
+    """Let terminals that have been closed accept output: a bar that ends would be an error."""
+    for one in terminals:
+        if not os.isatty(one):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, one)
+            os.close(nowhere)
+
+
 def complain(message: str) -> None:
     """Print an error message in red."""
     stderr().print(f"[bold red]impasto:[/] [red]{escape(printable(message, lines=True))}[/]")

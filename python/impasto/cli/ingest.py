@@ -12,7 +12,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole
-from impasto.cli.photographs import Reading
+from impasto.cli.photographs import WholeReading
 from impasto.cli.resuming import less_than
 
 
@@ -23,7 +23,7 @@ def ingest(
     out: Path,
     memory: str = DEFAULT_MEMORY,
     tile: SomeWhole = None,
-    reading: Reading | None = None,
+    reading: WholeReading | None = None,
     quiet: Flag = False,
 ) -> int:
     """Write photographs into one store, tile by tile: impasto fit and impasto job run take it.
@@ -46,7 +46,7 @@ def ingest(
     """
     from impasto.jobs import ingest as write
 
-    reading = Reading() if reading is None else reading
+    reading = WholeReading() if reading is None else reading
     reading.check()
     if reading.region is not None:
         raise CycloptsError(msg="--region: a store holds whole photographs; leave it out")

@@ -23,7 +23,7 @@ from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
 from impasto.cli.options import Flag, SomeWhole, check_threads
-from impasto.cli.photographs import Reading
+from impasto.cli.photographs import WholeReading
 from impasto.cli.resuming import (
     files_words,
     has_kept,
@@ -84,7 +84,7 @@ def run(
     sample: SomeWhole = None,
     precision: Precision = "single",
     resume: Annotated[bool, Parameter(negative="--no-resume")] = True,
-    reading: Reading | None = None,
+    reading: WholeReading | None = None,
     model: Model = "torrance-sparrow",
     pooling: Pooling = "auto",
     lobes: SomeWhole = None,
@@ -167,10 +167,13 @@ def run(
     from impasto import jobs
 
     check_threads(threads)
-    reading = Reading() if reading is None else reading
+    reading = WholeReading() if reading is None else reading
     reading.check()
     if reading.region is not None:
-        raise CycloptsError(msg="--region: a job fits the whole painting; leave it out")
+        raise CycloptsError(
+            msg="--region: a job fits the whole painting; leave it out, or try a part by impasto "
+            "fit --region"
+        )
     options = {
         "model": model, "pooling": pooling, "lobes": lobes, "ambient": ambient, "coated": coated,
         "refine": refine, "residuals": residuals, "relief": relief, "normals": method,
@@ -563,8 +566,10 @@ def terminated_as_interrupted() -> Iterator[None]:
 
     Whoever ignores SIGHUP, as ``nohup`` does, goes on.
     """
+    terminals = console.terminals()
 
     def interrupt(*_: Any) -> None:
+        console.silence_closed(terminals)
         raise KeyboardInterrupt
 
     before: dict[int, Any] = {}

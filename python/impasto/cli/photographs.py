@@ -112,6 +112,14 @@ class Reading:
         return [path for path in named if path is not None]
 
 
+@Parameter(name="*", group=GROUP)
+@dataclass(frozen=True, kw_only=True)
+class WholeReading(Reading):
+    """The same of commands that take whole photographs, and say so where a part is asked for."""
+
+    region: Annotated[tuple[int, int, int, int] | None, Parameter(show=False, negative="")] = None
+
+
 def dark_of(text: str | None) -> str | float | None:
     """A black level, or the name of a dark frame or a folder of them."""
     if text is None:

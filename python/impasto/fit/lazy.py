@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impasto._internal.extras import need
-from impasto._internal.named import in_order, is_named
+from impasto._internal.named import in_order, is_named, mask_in_order
 from impasto._internal.windows import Window, offset, widened, within
 from impasto.errors import ArgumentError, GeometryError
 from impasto.fit.dataset import dataset_of, labelled
@@ -106,6 +106,7 @@ class LazyStack(Deferred):
         lazy = lazy if lazy.ndim == 4 else lazy[:, None]
         self._samples = lazy.rechunk({0: -1, 1: -1})
         size = self._samples.shape[2:]
+        mask = mask_in_order(mask)
         if mask is not None and tuple(mask.shape) != size:
             raise ArgumentError(f"mask: expected shape {size}, found {tuple(mask.shape)}")
         chunks = self._samples.chunks[2:]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from impasto._internal.build import build_name
-from impasto._internal.calls import ProgressCallback, reporting, thread_count
+from impasto._internal.calls import ProgressCallback, check_progress, reporting, thread_count
 from impasto._internal.checks import truth
 from impasto._internal.memory import DEFAULT_MEMORY
 from impasto._internal.windows import Window
@@ -168,6 +168,7 @@ def run(
     check_source(source, "a job")
     budget = bytes_of(memory)
     thread_count(threads)
+    check_progress(progress)
     given = checked_reading(reading)
     options = {name: plain(_as_path(name, value), name) for name, value in given.items()}
     path = None if isinstance(source, Stack | Photographs) else plain(Path(source), "source")

@@ -357,7 +357,7 @@ class Files(Photographs):
     def _is_other(self, path: Path) -> bool:
         """Whether the content of a file has changed; all of it is read where its size has not."""
         known = self._hashes.get(path)
-        if known is None or known["bytes"] != _trace(path)[0]:
+        if known is None or (known["bytes"],) != _trace(path)[:1]:
             return True
         try:
             with as_problem_of(path):
@@ -536,13 +536,16 @@ def _in_plain(notes: Iterable[Any]) -> list[list[str]]:
     return [[str(getattr(note, "kind", "")), str(note)] for note in notes]
 
 
-def _trace(path: Path) -> tuple[int, int, int]:
-    """What changes with a file; zeros of one that is gone."""
+def _trace(path: Path) -> tuple[int, ...]:
+    """What changes with a file; nothing of one that is gone.
+
+    Editors that keep the date of a file cannot keep that of its last change of any kind (ctime).
+    """
     try:
         found = path.stat()
     except OSError:
-        return 0, 0, 0
-    return found.st_size, found.st_mtime_ns, found.st_ino
+        return ()
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino
 
 
 def _middle(size: tuple[int, int], wanted: tuple[int, int]) -> tuple[int, int, int, int]:
