@@ -179,8 +179,8 @@ def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
     assert isinstance(merged.sbrdf, impasto.StoredSbrdf)
     assert merged.sbrdf.tile == 50
     stored = impasto.load_sbrdf(out)
-    for name, array in whole._saved().items():
-        assert np.asarray(array).tobytes() == np.asarray(stored._saved()[name]).tobytes(), name
+    for name, array in whole.arrays().items():
+        assert np.asarray(array).tobytes() == np.asarray(stored.arrays()[name]).tobytes(), name
     # The names of frames are those of their files.
     said = json.loads((out / "merge" / "report.json").read_text("utf-8"))
     assert said == merged.report.to_dict()

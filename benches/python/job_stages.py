@@ -89,7 +89,7 @@ def measured(folder: Path) -> list[dict[str, Any]]:
     step("a ninth of it, store", lambda: stored.thinned(*window, 3))
     result = step("fit", lambda: fitted(model, stack, grid, (0, 0), 1))
     small = step("smaller scale", lambda: half_scale(result, grid))
-    arrays = result._saved()
+    arrays = result.arrays()
     maps = {name: arrays[name] for name in maps_of(result)} | small
     for name in same_arrays(maps):
         del maps[name]

@@ -181,7 +181,7 @@ def _digests_of(frames: Sequence[Frame]) -> list[str]:
     return [
         _digest_of_store(frame.result.path)
         if isinstance(frame.result, StoredSbrdf)
-        else _digest_of_arrays(frame.result._saved())
+        else _digest_of_arrays(frame.result.arrays())
         for frame in frames
     ]
 
