@@ -247,7 +247,7 @@ def test_frames_of_other_paintings_are_named(lobed: impasto.LobeSbrdf) -> None:
         impasto.merge([left, other])
 
 
-def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
+def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf) -> None:
     left, right = parts(lobed)
     with pytest.raises(impasto.ArgumentError, match="frames: expected two or more"):
         impasto.merge([left])
@@ -255,12 +255,31 @@ def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf, tmp_path: Pa
         impasto.merge([left, 3])  # type: ignore[list-item]
     with pytest.raises(impasto.ArgumentError, match="reference: expected the number of a frame"):
         impasto.merge([left, right], reference=2)
-    with pytest.raises(impasto.ArgumentError, match=r"out: expected a name ending in \.zarr"):
-        impasto.merge([left, right], tmp_path / "merged.tif")
     with pytest.raises(impasto.ArgumentError, match="frame 1 has the bands red, but frame 0"):
         impasto.merge([left, right.with_bands([0])])
     with pytest.raises(impasto.ArgumentError, match="index differs"):
         impasto.merge([left, replace(right, index=1.6)])
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("merged.tif", r"out: expected a name ending in \.zarr"),
+        ("a\0.zarr", "out: .* is no name of a file"),
+        ("none/a.zarr", "out: the folder .*none does not exist"),
+        ("link.zarr", "out: .* is a link to nothing"),
+    ],
+    ids=["suffix", "zero", "folder", "link"],
+)
+def test_a_name_that_no_store_can_have_is_refused_before_frames_are_registered(
+    name: str, words: str, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    (tmp_path / "link.zarr").symlink_to(tmp_path / "nowhere.zarr")
+    done: list[int] = []
+    with pytest.raises(impasto.ArgumentError, match=words):
+        impasto.merge(parts(lobed), tmp_path / name, progress=lambda count, _: done.append(count))
+    assert done == []
+    assert [path.name for path in tmp_path.iterdir()] == ["link.zarr"]
 
 
 def test_cubics_are_interpolated_exactly() -> None:
@@ -331,7 +350,8 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     shard.write_bytes(shard.read_bytes()[:-9])
     (partial / "normal/c/0/0/.2-abc.tmp").write_bytes(b"half")
     done: list[int] = []
-    impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
+    # By the name that the folder shows.
+    impasto.merge(parts(lobed), partial, tile=48, progress=lambda count, _: done.append(count))
     assert done[:2] == [0, 2], "two tiles are kept"
     assert tree(out) == tree(whole)
     assert impasto.jobs.verify(out) == ()
