@@ -19,6 +19,7 @@ import impasto
 from command_line import complaint
 from impasto import simulate
 from impasto.cli import main
+from impasto.cli.codes import Exit
 from impasto.merge.resampling import Samples
 from killed_jobs import tree
 from overlapping_frames import Scene, at_places, rotation, scene, two_by_three
@@ -319,8 +320,16 @@ def test_merging_on_the_command_line(
     assert main(["job", "merge", *files, "--out", str(out)]) == 0
     assert "seam" in capsys.readouterr().out
     assert main(["info", str(out)]) == 0
-    assert main(["job", "verify", str(out)]) == 0
-    assert "all files are as written" in capsys.readouterr().out
+    # Also by the name that it had until it was whole.
+    for name in (out, out.with_name(f"{out.name}.partial")):
+        assert main(["job", "verify", str(name)]) == 0
+        assert f"{out}: all files are as written" in capsys.readouterr().out
+    report = out / "merge" / "report.json"
+    data = report.read_bytes()
+    report.write_bytes(data + b" ")
+    assert main(["job", "verify", f"{out}.partial"]) == Exit.CORRUPT_INPUT
+    assert f"{out}: 1 file is not as written" in capsys.readouterr().err
+    report.write_bytes(data)
     said = complaint(["job", "merge", *files, "--out", str(out)], 1, capsys)
     assert "exists; remove it" in said
     said = complaint(["job", "merge", files[0], "--out", str(tmp_path / "b.zarr")], 1, capsys)
