@@ -7,9 +7,10 @@ and results that are cut into overlapping parts, whose merge must be the whole a
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 import impasto
 from command_line import complaint
+from failing_steps import Steps, counted
 from impasto import simulate
 from impasto.cli import main
 from impasto.cli.codes import Exit
@@ -364,6 +366,75 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     assert done[:2] == [0, 2], "two tiles are kept"
     assert tree(out) == tree(whole)
     assert impasto.jobs.verify(out) == ()
+
+
+LAST = (
+    "fsync a.zarr.partial",
+    *(f"unlink a.zarr.partial/merge/{name}" for name in ("numbers.npz", "pace.jsonl")),
+    "unlink a.zarr.partial/merge/journal.jsonl",
+    "fsync a.zarr.partial/merge",
+    "rename a.zarr.partial",
+)
+"""Steps of a merge after all of its files are written."""
+
+
+class Whole(NamedTuple):
+    """A merged store, and how often each step of :data:`LAST` was taken until it was the last."""
+
+    store: Path
+    counts: dict[str, int]
+
+
+@pytest.fixture(scope="module")
+def six(lobed: impasto.LobeSbrdf, tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    """Of six tiles."""
+    out = tmp_path_factory.mktemp("whole") / "a.zarr"
+    with counted(Steps(out.parent)) as steps:
+        impasto.merge(parts(lobed), out, tile=48)
+    end = steps.taken.index(LAST[-1]) + 1
+    before, last = steps.taken[: end - len(LAST)], steps.taken[end - len(LAST) : end]
+    assert tuple(last) == LAST
+    # All that the journal tells of is on the disk before it goes; the new name comes after that.
+    folders = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_dir()}
+    assert set(before[-len(folders) :]) == {f"fsync a.zarr.partial/{name}" for name in folders}
+    return Whole(out, {step: steps.taken[:end].count(step) for step in LAST})
+
+
+@pytest.mark.parametrize("failing", LAST)
+def test_a_merge_whose_last_steps_fail_blends_no_tile_again(
+    failing: str, six: Whole, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    done: list[int] = []
+    with (
+        counted(Steps(tmp_path, (failing, six.counts[failing]))) as steps,
+        pytest.raises(OSError, match=r"a\.zarr"),
+    ):
+        impasto.merge(parts(lobed), out, tile=48)
+    assert steps.failed == failing
+    assert not out.exists()
+    if failing == LAST[-1]:
+        assert not (tmp_path / "a.zarr.partial/merge/journal.jsonl").exists()
+        other = [lobed[:, :75], replace(lobed, diffuse=lobed.diffuse * np.float32(0.5))[:, 45:]]
+        with pytest.raises(impasto.ResumeMismatchError, match="of other frames"):
+            impasto.merge(other, out, tile=48)
+    impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
+    assert done == [0, 6]
+    assert tree(out) == tree(six.store)
+
+
+def test_a_whole_merge_without_its_journal_that_has_changed_is_made_anew(
+    six: Whole, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    for name in ("normal/c/0/0/1", "checksums.json"):
+        shutil.copytree(six.store, partial)
+        data = bytearray((partial / name).read_bytes())
+        data[len(data) // 2] ^= 1
+        (partial / name).write_bytes(data)
+        impasto.merge(parts(lobed), out, tile=48)
+        assert tree(out) == tree(six.store), name
+        shutil.rmtree(out)
 
 
 def test_a_merge_whose_name_another_has_meanwhile_is_refused_before_it_blends(
