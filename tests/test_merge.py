@@ -95,32 +95,39 @@ def test_six_frames_agree_at_their_seams(merged: impasto.Merged) -> None:
 
 @pytest.mark.slow
 def test_frames_lie_where_they_were_taken(taken: Scene, merged: impasto.Merged) -> None:
-    """Patches of a seam agree to some hundredths of a pixel, and there are dozens of them.
+    """What patches of a seam leave decides.
 
-    A frame is 98 pixels wide: 0.05 pixels at its edge are 0.001 of its scale and of its angle.
+    Its fourteen patches lie 17 pixels from their middle and miss each other by 0.009 pixels along
+    either axis (root mean squares). They overlap: some four of them are independent. So a seam
+    fixes scale and angle to 0.009 / (17 sqrt(4)) = 0.00026, and with that the first pixel, 62
+    pixels from the middle of its frame, to 0.017. Frames are up to two seams away from the
+    reference: 0.0004, and 0.025 pixels. Twice that is allowed.
     """
-    first, middle = taken.shots[0], (FRAME[1] - 1) / 2
+    first = taken.shots[0]
+    x, y = (FRAME[1] - 1) / 2, (FRAME[0] - 1) / 2
     for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
-        assert frame.scale == pytest.approx(shot.scale, abs=0.001)
-        assert frame.angle == pytest.approx(shot.angle, abs=0.001)
+        assert frame.scale == pytest.approx(shot.scale, abs=0.0008)
+        assert frame.angle == pytest.approx(shot.angle, abs=0.0008)
         # The first pixel lies up and left of the middle, rotated about it.
         cos, sin = shot.scale * np.cos(shot.angle), shot.scale * np.sin(shot.angle)
-        left = shot.x - first.x - (cos + sin) * middle + middle
-        top = shot.y - first.y - (cos - sin) * middle + middle
-        assert frame.left - merged.report.frames[0].left == pytest.approx(left, abs=0.1)
-        assert frame.top - merged.report.frames[0].top == pytest.approx(top, abs=0.1)
+        left = shot.x - first.x - (cos * x + sin * y) + x
+        top = shot.y - first.y - (cos * y - sin * x) + y
+        assert frame.left - merged.report.frames[0].left == pytest.approx(left, abs=0.05)
+        assert frame.top - merged.report.frames[0].top == pytest.approx(top, abs=0.05)
 
 
 @pytest.mark.slow
 def test_gains_and_tilts_are_those_of_the_frames(taken: Scene, merged: impasto.Merged) -> None:
-    """Each is known from thousands of pixels; across the painting errors of two seams add.
+    """Neither is further off than what is left at seams, even if all their pixels erred alike.
 
-    Half a percent and a tenth of a degree are what a seam may have.
+    The worst seam has 0.15 dE00, which is half a percent of the light of a middle grey (L* changes
+    by 31 times the share). Errors of the two seams to the farthest frame add in squares: 0.7 %.
+    Normals of seams that are a side of both frames differ by 0.05 degrees.
     """
     for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
-        np.testing.assert_allclose(np.array(frame.gain) * shot.gain, 1.0, atol=0.01)
+        np.testing.assert_allclose(np.array(frame.gain) * shot.gain, 1.0, atol=0.007)
         tilt = np.degrees(np.arccos(rotation(shot.tilt)[2, 2]))
-        assert np.degrees(frame.tilt) == pytest.approx(tilt, abs=0.15)
+        assert np.degrees(frame.tilt) == pytest.approx(tilt, abs=0.05)
 
 
 @pytest.mark.slow
@@ -129,8 +136,10 @@ def test_the_merged_painting_is_as_true_as_its_frames(
 ) -> None:
     """Normals and colours err about as those of the frames do, each in its own system.
 
-    Interpolation of frames and what is left at seams come on top: a quarter is allowed. A frame
-    that is not corrected errs by its tilt, a degree, and by its gain, a tenth.
+    What is left at seams comes on top: 0.05 degrees to the 0.21 of a frame, 0.2 % (as of half a
+    seam's difference) to its 0.47 %. Added in squares this is 3 % and 9 % more; a tenth is allowed,
+    for interpolation, too. A frame that is not corrected errs by its tilt, a degree, and by its
+    gain, a tenth.
     """
     assert isinstance(merged.sbrdf, impasto.Sbrdf)
     normal, diffuse = taken.truth(merged.report)
@@ -140,9 +149,9 @@ def test_the_merged_painting_is_as_true_as_its_frames(
         angles.append(degrees(fit.normal, own_normal))
         offs.append(np.abs(fit.diffuse / own_diffuse - 1.0))
     found = np.nanmedian(degrees(merged.sbrdf.normal, normal))
-    assert found < 1.25 * np.median(angles)
+    assert found < 1.1 * np.median(angles)
     off = np.nanmedian(np.abs(merged.sbrdf.diffuse / diffuse - 1.0))
-    assert off < 1.25 * np.median(offs)
+    assert off < 1.1 * np.median(offs)
 
 
 @pytest.mark.slow
@@ -151,7 +160,9 @@ def test_parts_of_a_result_merge_to_the_whole(
 ) -> None:
     """The overlap is the same in both parts: nothing but rounding may change.
 
-    Where a shift of 0 is found to some 1e-4 pixels, maps change by that times their slopes.
+    Parts are placed to 6e-5 pixels everywhere (a shift by 2e-5, a scale that is 5e-7 off over 120
+    pixels), so that maps change by that times their slopes. Neighbours differ by up to 5 standard
+    deviations of a map (99 % of them), those of light samples by 0.15.
     """
     found = again.sbrdf
     assert isinstance(found, impasto.LobeSbrdf)
@@ -162,9 +173,9 @@ def test_parts_of_a_result_merge_to_the_whole(
         one, other = getattr(found, name), getattr(lobed, name)
         np.testing.assert_array_equal(np.isnan(one), np.isnan(other), err_msg=name)
         scale = float(np.nanstd(other))
-        assert np.nanquantile(np.abs(one - other), 0.99) < 0.02 * scale, name
+        assert np.nanquantile(np.abs(one - other), 0.99) < 3e-4 * scale, name
     light = [(0.3, 0.2, 0.9)]
-    assert np.nanquantile(np.abs(found.predict(light) - lobed.predict(light)), 0.99) < 0.005
+    assert np.nanquantile(np.abs(found.predict(light) - lobed.predict(light)), 0.99) < 1e-5
     assert found.normals.status.tobytes() == lobed.normals.status.tobytes()
 
 
@@ -205,7 +216,9 @@ def test_lafortune_lobes_merge_and_lamps_stand_where_they_stood(
     ]
     merged = impasto.merge(fits)
     assert isinstance(merged.sbrdf, impasto.LafortuneSbrdf)
-    assert max(seam.shift for seam in merged.report.seams) < 0.1
+    # Patches of frames with other lobes miss each other by 0.013 pixels, 0.009 along either axis
+    # (above). A draft has more noise: half as much again is allowed.
+    assert max(seam.shift for seam in merged.report.seams) < 0.02
     (rows, columns), own = merged.sbrdf.shape, fits[0].shape
     first = merged.report.frames[0]
     right = (columns - own[1]) / 2 - round(first.left)
