@@ -31,7 +31,7 @@ def photographs(folder: Path, size: tuple[int, int] = (70, 90)) -> Path:
 def same(one: impasto.Sbrdf, two: impasto.Sbrdf) -> None:
     """Every number of two results, bit for bit."""
     assert type(one) is type(two)
-    first, second = one._saved(), two._saved()
+    first, second = one.arrays(), two.arrays()
     assert first.keys() == second.keys()
     for name, array in first.items():
         assert array.dtype == second[name].dtype, name

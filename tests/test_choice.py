@@ -53,7 +53,7 @@ def test_threads_change_no_bit_of_what_is_chosen() -> None:
     """With folds side by side, residuals and a relief that is looked for."""
     stack = photographs("satin", 12, 20)
     one, two = (
-        impasto.fit_sbrdf(stack, residuals=True, relief=True, threads=count)._saved()
+        impasto.fit_sbrdf(stack, residuals=True, relief=True, threads=count).arrays()
         for count in (1, 2)
     )
     assert one.keys() == two.keys()

@@ -470,6 +470,8 @@ def test_a_folder_of_something_else_is_refused_before_anything_is_fitted(
         ({"regions": np.zeros((2, 2), int)}, r"regions: expected whole numbers \(52, 64\)"),
         ({"camera": "rgb"}, r"camera: expected an impasto.Camera"),
         ({"out": "x.npz"}, r"out: expected a name ending in .zarr"),
+        ({"out": "x\0.zarr"}, r"out: .* is no name of a file"),
+        ({"out": "none/x.zarr"}, r"out: the folder .* does not exist"),
     ],
 )
 def test_wrong_calls_are_refused_by_name(

@@ -167,11 +167,11 @@ def test_a_part_that_is_learned_from_is_the_painting_of_its_model(tmp_path: Path
     tile = impasto.load_learned(tmp_path / "part.npz").apply(
         part, rows=slice(12, 30), columns=slice(5, 44)
     )
-    for name, values in found._saved().items():
+    for name, values in found.arrays().items():
         if values.shape[-2:] == found.shape:
-            assert values.tobytes() == alone._saved()[name].tobytes(), name
+            assert values.tobytes() == alone.arrays()[name].tobytes(), name
             window = np.ascontiguousarray(values[..., 12:30, 5:44])
-            assert window.tobytes() == tile._saved()[name].tobytes(), name
+            assert window.tobytes() == tile.arrays()[name].tobytes(), name
     # Learned from every third pixel it is the model of the same part.
     every_third = impasto.learn_sbrdf(part, sample=3, **options).apply(part)
     assert (every_third.status == impasto.Status.FITTED).mean() > 0.5

@@ -288,11 +288,13 @@ def test_photographs_that_cannot_be_hashed_are_not_written_to_the_end(
     [
         ({"out": "stack.npz"}, r"out: expected a name ending in \.zarr, found 'stack\.npz'"),
         ({"out": "none/stack.zarr"}, "out: the folder .* does not exist"),
+        ({"out": "a\0.zarr"}, "out: .* is no name of a file"),
+        ({"out": "a.zarr.partial"}, r"out: expected a name ending in \.zarr"),
         ({"memory": "1kB"}, r"memory: a tile of 64 x 64 pixels of .* needs [\d.]+ MiB, found"),
         ({"tile": 3}, "tile: expected an even number from 16 on"),
         ({"reading": {"encoding": "srgb"}}, "reading: a stack is read already"),
     ],
-    ids=["suffix", "folder", "memory", "tile", "reading"],
+    ids=["suffix", "folder", "zero", "job", "memory", "tile", "reading"],
 )
 def test_what_cannot_be_is_refused(options: dict[str, Any], words: str, tmp_path: Path) -> None:
     out = tmp_path / options.pop("out", "stack.zarr")

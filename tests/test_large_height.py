@@ -98,10 +98,13 @@ def test_gaps_are_bridged_as_in_the_whole() -> None:
     expected = impasto.integrate_normals(normal)
     found = by_tiles(normal, tile=64)
     assert np.isfinite(found).all()
-    # A hole of 80 x 110 pixels makes slopes that no surface has: heights that span 25 are off by
-    # some 0.5 there, in the whole's, too. Coarse grid and whole weigh all but short waves alike.
-    assert float((found - expected).std()) < 0.02
-    assert abs(found - expected).max() < 0.1
+    # Holes make slopes that no surface has: the whole's heights, which span 20, are off by 0.13
+    # (root mean square) and up to 0.75 for them. Coarse grid and whole weigh all of such slopes
+    # alike but waves of a few blocks, which tiles have from their own pixels (below: to 0.3 %).
+    error = expected - impasto.integrate_normals(normals(relief()))
+    error -= error.mean()
+    assert float((found - expected).std()) < 0.003 * float(error.std())
+    assert abs(found - expected).max() < 0.003 * abs(error).max()
 
 
 def test_slopes_that_no_surface_has_do_not_matter_much() -> None:
@@ -175,9 +178,10 @@ def test_the_command_writes_a_height(
     np.testing.assert_array_equal(tifffile.imread(tmp_path / "whole.tif"), expected)
     monkeypatch.setattr("impasto.cli.scale.WHOLE", 3000)
     assert main([*words, str(tmp_path / "tiles.tif")]) == 0
-    # These waves are no surface, and 11 blocks long: as long as what the coarse grid decides.
+    # These waves are no surface, and 11 blocks long: as long as what the coarse grid decides. Its
+    # slopes are means over blocks, which take 1 - sin(pi / 11) / (pi / 11) = 1.4 % of such waves.
     difference = tifffile.imread(tmp_path / "tiles.tif") - expected
-    assert 0.0 < float(difference.std()) < 0.05 * float(expected.std())
+    assert 0.0 < float(difference.std()) < 0.02 * float(expected.std())
     assert main([*words, str(tmp_path / "a.png")]) == 1
     assert "--out: expected a name ending in .tif" in capsys.readouterr().err
 

@@ -7,9 +7,10 @@ and results that are cut into overlapping parts, whose merge must be the whole a
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,8 +18,10 @@ from numpy.typing import NDArray
 
 import impasto
 from command_line import complaint
+from failing_steps import Steps, counted
 from impasto import simulate
 from impasto.cli import main
+from impasto.cli.codes import Exit
 from impasto.merge.resampling import Samples
 from killed_jobs import tree
 from overlapping_frames import Scene, at_places, rotation, scene, two_by_three
@@ -92,32 +95,39 @@ def test_six_frames_agree_at_their_seams(merged: impasto.Merged) -> None:
 
 @pytest.mark.slow
 def test_frames_lie_where_they_were_taken(taken: Scene, merged: impasto.Merged) -> None:
-    """Patches of a seam agree to some hundredths of a pixel, and there are dozens of them.
+    """What patches of a seam leave decides.
 
-    A frame is 98 pixels wide: 0.05 pixels at its edge are 0.001 of its scale and of its angle.
+    Its fourteen patches lie 17 pixels from their middle and miss each other by 0.009 pixels along
+    either axis (root mean squares). They overlap: some four of them are independent. So a seam
+    fixes scale and angle to 0.009 / (17 sqrt(4)) = 0.00026, and with that the first pixel, 62
+    pixels from the middle of its frame, to 0.017. Frames are up to two seams away from the
+    reference: 0.0004, and 0.025 pixels. Twice that is allowed.
     """
-    first, middle = taken.shots[0], (FRAME[1] - 1) / 2
+    first = taken.shots[0]
+    x, y = (FRAME[1] - 1) / 2, (FRAME[0] - 1) / 2
     for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
-        assert frame.scale == pytest.approx(shot.scale, abs=0.001)
-        assert frame.angle == pytest.approx(shot.angle, abs=0.001)
+        assert frame.scale == pytest.approx(shot.scale, abs=0.0008)
+        assert frame.angle == pytest.approx(shot.angle, abs=0.0008)
         # The first pixel lies up and left of the middle, rotated about it.
         cos, sin = shot.scale * np.cos(shot.angle), shot.scale * np.sin(shot.angle)
-        left = shot.x - first.x - (cos + sin) * middle + middle
-        top = shot.y - first.y - (cos - sin) * middle + middle
-        assert frame.left - merged.report.frames[0].left == pytest.approx(left, abs=0.1)
-        assert frame.top - merged.report.frames[0].top == pytest.approx(top, abs=0.1)
+        left = shot.x - first.x - (cos * x + sin * y) + x
+        top = shot.y - first.y - (cos * y - sin * x) + y
+        assert frame.left - merged.report.frames[0].left == pytest.approx(left, abs=0.05)
+        assert frame.top - merged.report.frames[0].top == pytest.approx(top, abs=0.05)
 
 
 @pytest.mark.slow
 def test_gains_and_tilts_are_those_of_the_frames(taken: Scene, merged: impasto.Merged) -> None:
-    """Each is known from thousands of pixels; across the painting errors of two seams add.
+    """Neither is further off than what is left at seams, even if all their pixels erred alike.
 
-    Half a percent and a tenth of a degree are what a seam may have.
+    The worst seam has 0.15 dE00, which is half a percent of the light of a middle grey (L* changes
+    by 31 times the share). Errors of the two seams to the farthest frame add in squares: 0.7 %.
+    Normals of seams that are a side of both frames differ by 0.05 degrees.
     """
     for shot, frame in zip(taken.shots, merged.report.frames, strict=True):
-        np.testing.assert_allclose(np.array(frame.gain) * shot.gain, 1.0, atol=0.01)
+        np.testing.assert_allclose(np.array(frame.gain) * shot.gain, 1.0, atol=0.007)
         tilt = np.degrees(np.arccos(rotation(shot.tilt)[2, 2]))
-        assert np.degrees(frame.tilt) == pytest.approx(tilt, abs=0.15)
+        assert np.degrees(frame.tilt) == pytest.approx(tilt, abs=0.05)
 
 
 @pytest.mark.slow
@@ -126,8 +136,10 @@ def test_the_merged_painting_is_as_true_as_its_frames(
 ) -> None:
     """Normals and colours err about as those of the frames do, each in its own system.
 
-    Interpolation of frames and what is left at seams come on top: a quarter is allowed. A frame
-    that is not corrected errs by its tilt, a degree, and by its gain, a tenth.
+    What is left at seams comes on top: 0.05 degrees to the 0.21 of a frame, 0.2 % (as of half a
+    seam's difference) to its 0.47 %. Added in squares this is 3 % and 9 % more; a tenth is allowed,
+    for interpolation, too. A frame that is not corrected errs by its tilt, a degree, and by its
+    gain, a tenth.
     """
     assert isinstance(merged.sbrdf, impasto.Sbrdf)
     normal, diffuse = taken.truth(merged.report)
@@ -137,9 +149,9 @@ def test_the_merged_painting_is_as_true_as_its_frames(
         angles.append(degrees(fit.normal, own_normal))
         offs.append(np.abs(fit.diffuse / own_diffuse - 1.0))
     found = np.nanmedian(degrees(merged.sbrdf.normal, normal))
-    assert found < 1.25 * np.median(angles)
+    assert found < 1.1 * np.median(angles)
     off = np.nanmedian(np.abs(merged.sbrdf.diffuse / diffuse - 1.0))
-    assert off < 1.25 * np.median(offs)
+    assert off < 1.1 * np.median(offs)
 
 
 @pytest.mark.slow
@@ -148,7 +160,9 @@ def test_parts_of_a_result_merge_to_the_whole(
 ) -> None:
     """The overlap is the same in both parts: nothing but rounding may change.
 
-    Where a shift of 0 is found to some 1e-4 pixels, maps change by that times their slopes.
+    Parts are placed to 6e-5 pixels everywhere (a shift by 2e-5, a scale that is 5e-7 off over 120
+    pixels), so that maps change by that times their slopes. Neighbours differ by up to 5 standard
+    deviations of a map (99 % of them), those of light samples by 0.15.
     """
     found = again.sbrdf
     assert isinstance(found, impasto.LobeSbrdf)
@@ -159,9 +173,9 @@ def test_parts_of_a_result_merge_to_the_whole(
         one, other = getattr(found, name), getattr(lobed, name)
         np.testing.assert_array_equal(np.isnan(one), np.isnan(other), err_msg=name)
         scale = float(np.nanstd(other))
-        assert np.nanquantile(np.abs(one - other), 0.99) < 0.02 * scale, name
+        assert np.nanquantile(np.abs(one - other), 0.99) < 3e-4 * scale, name
     light = [(0.3, 0.2, 0.9)]
-    assert np.nanquantile(np.abs(found.predict(light) - lobed.predict(light)), 0.99) < 0.005
+    assert np.nanquantile(np.abs(found.predict(light) - lobed.predict(light)), 0.99) < 1e-5
     assert found.normals.status.tobytes() == lobed.normals.status.tobytes()
 
 
@@ -179,8 +193,8 @@ def test_a_store_has_the_bytes_of_memory_whatever_its_tiles(
     assert isinstance(merged.sbrdf, impasto.StoredSbrdf)
     assert merged.sbrdf.tile == 50
     stored = impasto.load_sbrdf(out)
-    for name, array in whole._saved().items():
-        assert np.asarray(array).tobytes() == np.asarray(stored._saved()[name]).tobytes(), name
+    for name, array in whole.arrays().items():
+        assert np.asarray(array).tobytes() == np.asarray(stored.arrays()[name]).tobytes(), name
     # The names of frames are those of their files.
     said = json.loads((out / "merge" / "report.json").read_text("utf-8"))
     assert said == merged.report.to_dict()
@@ -202,7 +216,9 @@ def test_lafortune_lobes_merge_and_lamps_stand_where_they_stood(
     ]
     merged = impasto.merge(fits)
     assert isinstance(merged.sbrdf, impasto.LafortuneSbrdf)
-    assert max(seam.shift for seam in merged.report.seams) < 0.1
+    # Patches of frames with other lobes miss each other by 0.013 pixels, 0.009 along either axis
+    # (above). A draft has more noise: half as much again is allowed.
+    assert max(seam.shift for seam in merged.report.seams) < 0.02
     (rows, columns), own = merged.sbrdf.shape, fits[0].shape
     first = merged.report.frames[0]
     right = (columns - own[1]) / 2 - round(first.left)
@@ -247,7 +263,7 @@ def test_frames_of_other_paintings_are_named(lobed: impasto.LobeSbrdf) -> None:
         impasto.merge([left, other])
 
 
-def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf, tmp_path: Path) -> None:
+def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf) -> None:
     left, right = parts(lobed)
     with pytest.raises(impasto.ArgumentError, match="frames: expected two or more"):
         impasto.merge([left])
@@ -255,12 +271,31 @@ def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf, tmp_path: Pa
         impasto.merge([left, 3])  # type: ignore[list-item]
     with pytest.raises(impasto.ArgumentError, match="reference: expected the number of a frame"):
         impasto.merge([left, right], reference=2)
-    with pytest.raises(impasto.ArgumentError, match=r"out: expected a name ending in \.zarr"):
-        impasto.merge([left, right], tmp_path / "merged.tif")
     with pytest.raises(impasto.ArgumentError, match="frame 1 has the bands red, but frame 0"):
         impasto.merge([left, right.with_bands([0])])
     with pytest.raises(impasto.ArgumentError, match="index differs"):
         impasto.merge([left, replace(right, index=1.6)])
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("merged.tif", r"out: expected a name ending in \.zarr"),
+        ("a\0.zarr", "out: .* is no name of a file"),
+        ("none/a.zarr", "out: the folder .*none does not exist"),
+        ("link.zarr", "out: .* is a link to nothing"),
+    ],
+    ids=["suffix", "zero", "folder", "link"],
+)
+def test_a_name_that_no_store_can_have_is_refused_before_frames_are_registered(
+    name: str, words: str, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    (tmp_path / "link.zarr").symlink_to(tmp_path / "nowhere.zarr")
+    done: list[int] = []
+    with pytest.raises(impasto.ArgumentError, match=words):
+        impasto.merge(parts(lobed), tmp_path / name, progress=lambda count, _: done.append(count))
+    assert done == []
+    assert [path.name for path in tmp_path.iterdir()] == ["link.zarr"]
 
 
 def test_cubics_are_interpolated_exactly() -> None:
@@ -300,8 +335,16 @@ def test_merging_on_the_command_line(
     assert main(["job", "merge", *files, "--out", str(out)]) == 0
     assert "seam" in capsys.readouterr().out
     assert main(["info", str(out)]) == 0
-    assert main(["job", "verify", str(out)]) == 0
-    assert "all files are as written" in capsys.readouterr().out
+    # Also by the name that it had until it was whole.
+    for name in (out, out.with_name(f"{out.name}.partial")):
+        assert main(["job", "verify", str(name)]) == 0
+        assert f"{out}: all files are as written" in capsys.readouterr().out
+    report = out / "merge" / "report.json"
+    data = report.read_bytes()
+    report.write_bytes(data + b" ")
+    assert main(["job", "verify", f"{out}.partial"]) == Exit.CORRUPT_INPUT
+    assert f"{out}: 1 file is not as written" in capsys.readouterr().err
+    report.write_bytes(data)
     said = complaint(["job", "merge", *files, "--out", str(out)], 1, capsys)
     assert "exists; remove it" in said
     said = complaint(["job", "merge", files[0], "--out", str(tmp_path / "b.zarr")], 1, capsys)
@@ -331,10 +374,80 @@ def test_an_interrupted_merge_goes_on_to_the_same_bytes(
     shard.write_bytes(shard.read_bytes()[:-9])
     (partial / "normal/c/0/0/.2-abc.tmp").write_bytes(b"half")
     done: list[int] = []
-    impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
+    # By the name that the folder shows.
+    impasto.merge(parts(lobed), partial, tile=48, progress=lambda count, _: done.append(count))
     assert done[:2] == [0, 2], "two tiles are kept"
     assert tree(out) == tree(whole)
     assert impasto.jobs.verify(out) == ()
+
+
+LAST = (
+    "fsync a.zarr.partial",
+    *(f"unlink a.zarr.partial/merge/{name}" for name in ("numbers.npz", "pace.jsonl")),
+    "unlink a.zarr.partial/merge/journal.jsonl",
+    "fsync a.zarr.partial/merge",
+    "rename a.zarr.partial",
+)
+"""Steps of a merge after all of its files are written."""
+
+
+class Whole(NamedTuple):
+    """A merged store, and how often each step of :data:`LAST` was taken until it was the last."""
+
+    store: Path
+    counts: dict[str, int]
+
+
+@pytest.fixture(scope="module")
+def six(lobed: impasto.LobeSbrdf, tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    """Of six tiles."""
+    out = tmp_path_factory.mktemp("whole") / "a.zarr"
+    with counted(Steps(out.parent)) as steps:
+        impasto.merge(parts(lobed), out, tile=48)
+    end = steps.taken.index(LAST[-1]) + 1
+    before, last = steps.taken[: end - len(LAST)], steps.taken[end - len(LAST) : end]
+    assert tuple(last) == LAST
+    # All that the journal tells of is on the disk before it goes; the new name comes after that.
+    folders = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_dir()}
+    assert set(before[-len(folders) :]) == {f"fsync a.zarr.partial/{name}" for name in folders}
+    return Whole(out, {step: steps.taken[:end].count(step) for step in LAST})
+
+
+@pytest.mark.parametrize("failing", LAST)
+def test_a_merge_whose_last_steps_fail_blends_no_tile_again(
+    failing: str, six: Whole, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    done: list[int] = []
+    with (
+        counted(Steps(tmp_path, (failing, six.counts[failing]))) as steps,
+        pytest.raises(OSError, match=r"a\.zarr"),
+    ):
+        impasto.merge(parts(lobed), out, tile=48)
+    assert steps.failed == failing
+    assert not out.exists()
+    if failing == LAST[-1]:
+        assert not (tmp_path / "a.zarr.partial/merge/journal.jsonl").exists()
+        other = [lobed[:, :75], replace(lobed, diffuse=lobed.diffuse * np.float32(0.5))[:, 45:]]
+        with pytest.raises(impasto.ResumeMismatchError, match="of other frames"):
+            impasto.merge(other, out, tile=48)
+    impasto.merge(parts(lobed), out, tile=48, progress=lambda count, _: done.append(count))
+    assert done == [0, 6]
+    assert tree(out) == tree(six.store)
+
+
+def test_a_whole_merge_without_its_journal_that_has_changed_is_made_anew(
+    six: Whole, lobed: impasto.LobeSbrdf, tmp_path: Path
+) -> None:
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    for name in ("normal/c/0/0/1", "checksums.json"):
+        shutil.copytree(six.store, partial)
+        data = bytearray((partial / name).read_bytes())
+        data[len(data) // 2] ^= 1
+        (partial / name).write_bytes(data)
+        impasto.merge(parts(lobed), out, tile=48)
+        assert tree(out) == tree(six.store), name
+        shutil.rmtree(out)
 
 
 def test_a_merge_whose_name_another_has_meanwhile_is_refused_before_it_blends(

@@ -72,7 +72,7 @@ def spoiled(halo: int) -> tuple[impasto.Stack, np.ndarray, np.ndarray]:
 
 
 def check(found: Any, expected: Any, others: np.ndarray, names: set[str]) -> None:
-    one, two = found._saved(), expected._saved()
+    one, two = found.arrays(), expected.arrays()
     for name in sorted(names):
         assert one[name][..., others].tobytes() == two[name][..., others].tobytes(), name
         assert not np.isinf(one[name].astype(np.float64)).any(), name

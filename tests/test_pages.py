@@ -63,6 +63,17 @@ def test_the_page_about_time_says_what_was_measured() -> None:
         assert f"<!-- sentences: study {name} -->\n\n{paragraph}\n" in page
 
 
+def test_sentences_of_records_are_those_of_their_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # which one of them sets
+    import cluster
+    import merge
+
+    makers = {"merge": (merge.sentences, "rows"), "cluster": (cluster.sentences, "wrapper")}
+    for name, (sentences, rows) in makers.items():
+        recorded = json.loads((pages.ROOT / f"benches/results/{name}.json").read_text("utf-8"))
+        assert recorded["sentences"] == sentences(recorded[rows]), name
+
+
 def test_the_page_about_time_names_what_a_study_makes() -> None:
     """What a record has no rows for is left out: a name that is mistyped would be, too."""
     page = (pages.ROOT / "docs/accuracy-and-time.md").read_text("utf-8")

@@ -528,8 +528,8 @@ def test_a_job_of_a_session_has_the_bits_of_the_fit(memory: str, copy: Path) -> 
     )
     expected = impasto.fit_sbrdf(impasto.read_stack(path), pooling="none", threads=1)
     found = impasto.load_sbrdf(out)
-    for name, array in expected._saved().items():
-        assert array.tobytes() == found._saved()[name].tobytes(), name
+    for name, array in expected.arrays().items():
+        assert array.tobytes() == found.arrays()[name].tobytes(), name
     again = impasto.ingest(path, copy / "all.stack.zarr", memory=memory, tile=16)
     same(impasto.read_stack(again), impasto.read_stack(path))
     assert impasto.jobs.verify(out) == ()

@@ -62,7 +62,7 @@ def stored(store: Path) -> impasto.StoredSbrdf:
 
 
 def bits(result: impasto.Sbrdf) -> dict[str, tuple[Any, ...]]:
-    return {n: (a.dtype, a.shape, a.tobytes()) for n, a in result._saved().items()}
+    return {n: (a.dtype, a.shape, a.tobytes()) for n, a in result.arrays().items()}
 
 
 @pytest.mark.parametrize("fit", FITS)
@@ -86,7 +86,7 @@ def test_a_part_is_that_of_the_whole(fit: str, tmp_path: Path) -> None:
     assert not opened.visible(*part).normals.normal.any()
     assert bits(opened.every(7)) == bits(impasto.load_sbrdf(tmp_path / "a.zarr")) | {
         name: (array.dtype, picked.shape, picked.tobytes())
-        for name, array in result._saved().items()
+        for name, array in result.arrays().items()
         if array.shape[-2:] == result.shape
         for picked in [np.ascontiguousarray(array[..., ::7, ::7])]
     }

@@ -59,7 +59,7 @@ def store(saved: Path, tmp_path: Path) -> Path:
 def arrays(result: Any) -> dict[str, tuple[Any, ...]]:
     return {
         name: (array.dtype.kind, array.shape, array.tobytes())
-        for name, array in result._saved().items()
+        for name, array in result.arrays().items()
     }
 
 

@@ -39,6 +39,8 @@ from impasto.fit import lazy as lazy_stacks
 from impasto.io import write_stack
 
 SMALL, TILES = 32, 16
+AIM = 5.0
+"""Milliseconds beyond its fit that a tile should cost at most."""
 ROUNDS = 3
 LARGE: dict[str, Any] = {"pooling": "pixel", "tile": 128, "threads": 1}
 SIZE = (512, 512)
@@ -177,6 +179,20 @@ def two_workers() -> list[dict[str, Any]]:
     ]
 
 
+def sentences(costs: list[dict[str, Any]]) -> dict[str, str]:
+    """What the numbers say of tiles with chunks of their own, for documentation."""
+    apart = next(row for row in costs if row["way"] == "distributed, apart")
+    beyond = apart["beyond the fit, ms"]
+    return {
+        "apart": (
+            "Tiles with chunks of their own, those of "
+            f"{lazy_stacks.CHUNK} x {lazy_stacks.CHUNK} pixels or more, cost {beyond:.1f} ms each, "
+            f"{'more than' if beyond > AIM else 'within'} the {AIM:g} ms that are aimed at: each "
+            f"has {apart['tasks']:.0f} tasks. A job has one task per tile."
+        )
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--record", action="store_true")
@@ -187,7 +203,8 @@ def main() -> None:
     show("A second worker", jobs)
     if record:
         info = run_info("python benches/python/cluster.py --record")
-        write("cluster.json", {"run": info, "wrapper": costs, "workers": jobs})
+        found = {"wrapper": costs, "workers": jobs, "sentences": sentences(costs)}
+        write("cluster.json", {"run": info} | found)
 
 
 if __name__ == "__main__":

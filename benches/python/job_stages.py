@@ -94,7 +94,7 @@ def of_a_tile(folder: Path, stack: impasto.Stack, grid: Grid, fit: str) -> dict[
     ms, result = least(lambda: fitted(model, stack, grid, (0, 0), 1), rounds)
     row: dict[str, Any] = {"fit": fit, "ms": ms}
     row["smaller scale ms"], small = least(lambda: half_scale(result, grid))
-    arrays = result._saved()
+    arrays = result.arrays()
     maps = {name: arrays[name] for name in maps_of(result)} | small
     for name in same_arrays(maps):
         del maps[name]

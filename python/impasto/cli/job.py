@@ -325,24 +325,26 @@ def verify(
     """
     from impasto import jobs
     from impasto.jobs.checksums import CHECKSUMS
+    from impasto.jobs.folder import store_name
 
-    findings = jobs.verify(out, inputs=inputs, progress=True)
+    store = store_name(out)
+    findings = jobs.verify(store, inputs=inputs, progress=True)
     page = console.stdout()
     for finding in findings:
         page.out(str(finding))
     if findings:
-        console.complain(f"{out}: {files_words(len(findings))} not as written or read")
-        say_how_to_repair(out, findings)
+        console.complain(f"{store}: {files_words(len(findings))} not as written or read")
+        say_how_to_repair(store, findings)
         return Exit.CORRUPT_INPUT
-    if (out / CHECKSUMS).is_file():
-        page.out(f"{out}: all files are as written")
+    if (store / CHECKSUMS).is_file():
+        page.out(f"{store}: all files are as written")
         return Exit.OK
-    found = jobs.status(out)
+    found = jobs.status(store)
     if found.state != "finished":
-        page.out(f"{out}: as written, {found.tiles_done} of {found.tiles} tiles")
+        page.out(f"{store}: as written, {found.tiles_done} of {found.tiles} tiles")
         return Exit.PARTIAL
     compared = " and all inputs as read" if inputs and found.reads_files else ""
-    page.out(f"{out}: all files are as written{compared}")
+    page.out(f"{store}: all files are as written{compared}")
     return Exit.OK
 
 

@@ -50,7 +50,7 @@ def merge(
         No progress, only errors.
     """
     import impasto
-    from impasto.jobs.folder import partial_of
+    from impasto.jobs.folder import partial_of, store_name
 
     stages = Stages(quiet=quiet)
     stored = out.suffix.lower() != ".npz"
@@ -69,12 +69,12 @@ def merge(
             stage.note = str(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
-        if stored and partial_of(out).is_dir():
+        if stored and partial_of(store_name(out)).is_dir():
             console.hint(AGAIN)
         return Exit.INTERRUPTED
     except (OSError, MemoryError) as error:
         misnamed = isinstance(error, OSError) and error.errno in OF_A_NAME
-        if misnamed or not (stored and partial_of(out).is_dir()):
+        if misnamed or not (stored and partial_of(store_name(out)).is_dir()):
             raise
         full = "not enough memory"
         console.complain(os_words(error) if isinstance(error, OSError) else full)

@@ -36,6 +36,7 @@ from impasto.fit.stored import StoredSbrdf
 from impasto.height import integrate_normals
 from impasto.io.results import read_maps
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.folder import checked_store
 from impasto.jobs.grid import Grid, Tile
 from impasto.merge.frames import Frame, frame_of
 from impasto.stack import Stack
@@ -294,10 +295,8 @@ def _within(
 
 
 def _checked_out(out: str | os.PathLike[str], height: bool) -> Path:
-    target = Path(out)
-    if target.suffix.lower() != ".zarr":
-        raise ArgumentError(f"out: expected a name ending in .zarr, found {target.name!r}")
-    if target.exists() or target.is_symlink():
+    target = checked_store(out, kind="")
+    if target.exists():
         raise ArgumentError(f"out: {target} exists; remove it or give another name")
     if height:
         raise ArgumentError("height: heights are compared in memory; leave one of both out")

@@ -373,7 +373,24 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
         MissingExtraError
             ``.zarr``, and zarr is not installed.
         """
-        write_maps(path, self.kind(), self._saved())
+        write_maps(path, self.kind(), self.arrays())
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All that the result is, as the named arrays of its file.
+
+        Two results of one class are the same if these are, to the last bit. :meth:`save` writes
+        them; a job splits them into maps, which it writes by tiles, and what is that of the whole
+        painting.
+
+        Returns
+        -------
+        dict
+            Maps ``(..., y, x)`` under the names of their fields (``diffuse``), those of parts of
+            the result after the name of the part (``normals.albedo``). The rig, bands, numbers and
+            texts are arrays of other shapes, a single one ``()``. Maps share the memory of the
+            result.
+        """
+        return self._arrays() | ({} if self.chosen is None else self.chosen.arrays())
 
     def to_xarray(self) -> Dataset:
         """Every map of the model over named dimensions, for xarray.
@@ -437,12 +454,8 @@ class Sbrdf(PixelMaps, Viewable, Relightable):
         """All fields; ``shared`` are those that every result has and no array is."""
         return shared | reader.fields(cls)
 
-    def _saved(self) -> dict[str, NDArray[Any]]:
-        """Everything that a file holds."""
-        return self._arrays() | ({} if self.chosen is None else self.chosen.arrays())
-
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of all fields but ``chosen``."""
+        """Those of all fields but ``chosen``."""
         return arrays_of(self)
 
     @abstractmethod

@@ -66,13 +66,15 @@ def atomic_together(files: Mapping[Path, bytes | memoryview | Iterable[memoryvie
     """Write files, whole or given in pieces; each appears complete or not at all.
 
     The data of all reach the disk before any name does. Disks flush many files in little more time
-    than one. Temporary names are the call's own: others may write the same files.
+    than one. Temporary names are the call's own: others may write the same files. Folders that are
+    missing are made; when the call returns, their names are on the disk, too.
     """
     temporary = temporaries_of(files)
+    folders = {path.parent for path in files}
+    made = _make(folders)
     with Pool(FLUSHED) as pool:
 
         def write(path: Path) -> None:
-            path.parent.mkdir(parents=True, exist_ok=True)
             data = files[path]
             with as_problem_of(path), temporary[path].open("wb") as file:
                 for piece in (data,) if isinstance(data, bytes | memoryview) else data:
@@ -94,7 +96,24 @@ def atomic_together(files: Mapping[Path, bytes | memoryview | Iterable[memoryvie
             for path in temporary.values():
                 path.unlink(missing_ok=True)
             raise
-        list(pool.map(sync, sorted({path.parent for path in files})))
+        # The name of a folder lies in the one above it.
+        list(pool.map(sync, sorted(folders | {folder.parent for folder in made})))
+
+
+def _make(folders: Iterable[Path]) -> set[Path]:
+    """Make folders, and those above them; which of all these were missing.
+
+    One that another process has just made is flushed by that: a tile that a power failure takes in
+    between is found to be missing, and made again.
+    """
+    missing: set[Path] = set()
+    for folder in folders:
+        while folder not in missing and not folder.is_dir():
+            missing.add(folder)
+            folder = folder.parent
+    for folder in sorted(missing):
+        folder.mkdir(exist_ok=True)
+    return missing
 
 
 def sync_folder(path: Path) -> None:
@@ -103,17 +122,25 @@ def sync_folder(path: Path) -> None:
         _sync(path, os.O_RDONLY)
 
 
-def _sync(path: Path, flags: int) -> None:
+def sync_handle(handle: int) -> None:
+    """What was written to an open file reaches the disk; Ctrl-C does not wait for that.
+
+    The caller may close the file at once after Ctrl-C: the flush goes on with a handle of its own.
+    """
+
     def fsync(own: int) -> None:
         try:
             os.fsync(own)
         finally:
             os.close(own)
 
+    wait_for(fsync, os.dup(handle))
+
+
+def _sync(path: Path, flags: int) -> None:
     handle = os.open(path, flags)
     try:
-        # A handle of its own: whoever leaves the wait closes his.
-        wait_for(fsync, os.dup(handle))
+        sync_handle(handle)
     finally:
         os.close(handle)
 

@@ -7,16 +7,14 @@ the file was not finished: it is left out by readers, and cut off before the nex
 from __future__ import annotations
 
 import json
-import os
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from impasto._internal.damage import DAMAGE
-from impasto._internal.waiting import wait_for
 from impasto.errors import CorruptInputError
-from impasto.io.files import as_problem_of, sync_folder
+from impasto.io.files import as_problem_of, sync_folder, sync_handle
 
 CHECK = "crc"
 """Name of the checksum of a line, CRC-32 of what stands before it, closed by a brace."""
@@ -105,7 +103,7 @@ class JournalFile:
             while left:
                 left = left[self._file.write(left) :]
             self._length += len(line)
-            wait_for(os.fsync, self._file.fileno())
+            sync_handle(self._file.fileno())
 
     def close(self) -> None:
         """Give the file back."""

@@ -193,7 +193,7 @@ def _split(result: Sbrdf, rig: Rig) -> tuple[dict[str, NDArray[Any]], dict[str, 
     """The maps of a tile, and all else, which is that of the whole painting."""
     whole = replace(result, rig=rig)
     names = maps_of(whole)
-    arrays = whole._saved()
+    arrays = whole.arrays()
     maps = {name: np.asarray(array) for name, array in arrays.items() if name in names}
     numbers = {name: np.asarray(array) for name, array in arrays.items() if name not in names}
     return maps, {"kind": np.array(result.kind()), **numbers}

@@ -35,18 +35,34 @@ SUFFIX = ".zarr"
 
 
 def checked_target(out: str | os.PathLike[str]) -> Path:
-    """The name of a store.
+    """The name of a store that a job makes, also where it is given as that of its running job.
 
     Raises
     ------
     ArgumentError
-        Another suffix, or a folder that does not exist.
+        As of :func:`checked_store`.
     """
-    target = store_name(out)
+    return checked_store(store_name(out))
+
+
+def checked_store(out: str | os.PathLike[str], kind: str = ".impasto") -> Path:
+    """The name of a store that can be made.
+
+    Parameters
+    ----------
+    kind
+        What the names of such stores have before their suffix.
+
+    Raises
+    ------
+    ArgumentError
+        No name of a file, another suffix, a folder that does not exist, or a link to nothing.
+    """
+    target = _file_name(out)
     if target.suffix.lower() != SUFFIX:
         raise ArgumentError(
             f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
-            f"name it {target.stem or 'painting'}.impasto{SUFFIX}"
+            f"name it {target.stem or 'painting'}{kind}{SUFFIX}"
         )
     if not target.absolute().parent.is_dir():
         raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
@@ -63,11 +79,16 @@ def store_name(out: str | os.PathLike[str]) -> Path:
     ArgumentError
         No name of a file.
     """
+    target = _file_name(out)
+    if target.name.lower().endswith(SUFFIX + PARTIAL):
+        target = target.with_name(target.name.removesuffix(PARTIAL))
+    return target
+
+
+def _file_name(out: str | os.PathLike[str]) -> Path:
     target = Path(out)
     if "\0" in str(target):
         raise ArgumentError(f"out: {str(target)!r} is no name of a file")
-    if target.name.lower().endswith(SUFFIX + PARTIAL):
-        target = target.with_name(target.name.removesuffix(PARTIAL))
     return target
 
 

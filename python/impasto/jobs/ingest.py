@@ -20,7 +20,8 @@ from impasto.io.files import atomic_together
 from impasto.io.folders import new_folder
 from impasto.io.results.zarr_arrays import METADATA, ZarrArray, need_zarr
 from impasto.io.results.zarr_store import group_metadata, zarr_arrays
-from impasto.io.session.stored import SAMPLES, SUFFIX, arrays_of_store
+from impasto.io.session.stored import SAMPLES, arrays_of_store
+from impasto.jobs.folder import checked_store
 from impasto.jobs.grid import (
     MOST,
     STEP,
@@ -102,7 +103,9 @@ def ingest(
     MissingExtraError
         zarr is not installed.
     """
-    target = _checked_target(out)
+    target = checked_store(out, kind="")
+    if target.exists():
+        raise ArgumentError(f"out: {target} exists; give another name")
     need_zarr()
     check_source(source, "impasto.ingest")
     budget = bytes_of(memory)
@@ -207,19 +210,3 @@ def _tile_for(memory: int, pixel: Footprint) -> int:
             + less_words(lambda smaller: smaller <= side)
         )
     return side // STEP * STEP
-
-
-def _checked_target(out: str | os.PathLike[str]) -> Path:
-    target = Path(out)
-    if "\0" in str(target):
-        raise ArgumentError(f"out: {str(target)!r} is no name of a file")
-    if target.suffix.lower() != SUFFIX:
-        raise ArgumentError(
-            f"out: expected a name ending in {SUFFIX}, found {target.name!r}; "
-            f"name it {target.stem or 'stack'}{SUFFIX}"
-        )
-    if target.exists() or target.is_symlink():
-        raise ArgumentError(f"out: {target} exists; give another name")
-    if not target.absolute().parent.is_dir():
-        raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
-    return target

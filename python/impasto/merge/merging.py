@@ -17,6 +17,7 @@ from impasto.errors import ArgumentError
 from impasto.fit.result import Sbrdf
 from impasto.fit.stored import StoredSbrdf, open_sbrdf
 from impasto.io.results.zarr_arrays import need_zarr
+from impasto.jobs.folder import checked_target
 from impasto.jobs.grid import STEP, Grid, checked_tile
 from impasto.merge.blend import Mosaic
 from impasto.merge.frames import Frame, frames_of
@@ -106,7 +107,8 @@ def merge(
     ------
     ArgumentError
         Frames that nothing connects with the others, by name; fewer than two; other bands, lobes or
-        interfaces; an ``out`` that exists, or that another process is making.
+        interfaces; an ``out`` that exists, whose folder does not, or that another process is
+        making.
     ResumeMismatchError
         An interrupted merge of this name had other frames or options.
     CorruptInputError
@@ -200,9 +202,7 @@ def _described(
 
 
 def _checked_out(out: str | os.PathLike[str]) -> Path:
-    target = Path(out)
-    if target.suffix.lower() != ".zarr":
-        raise ArgumentError(f"out: expected a name ending in .zarr, found {target.name!r}")
+    target = checked_target(out)
     refuse_finished(target)
     need_zarr()
     check_begun(target)

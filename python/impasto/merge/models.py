@@ -99,7 +99,7 @@ def as_maps(part: Sbrdf, model: Model) -> dict[str, NDArray[Any]]:
     """The maps of a part of a frame as the merged painting has them."""
     from impasto.fit.saved import maps_of
 
-    arrays = {name: np.asarray(one) for name, one in part._arrays().items()}
+    arrays = {name: np.asarray(one) for name, one in part.arrays().items()}
     maps = {name: arrays[name] for name in maps_of(part) if name in arrays}
     maps = {name: one for name, one in maps.items() if not name.startswith(("residuals", "relief"))}
     if isinstance(part, PooledSbrdf) and model.kind is LobeSbrdf:

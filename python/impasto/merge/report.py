@@ -121,7 +121,7 @@ class MergeReport:
                 ("patches miss each other by", seam.shift, SHIFT, "pixels"),
             )
             over = [
-                f"{words} {value:.2g} {unit} (bound: {bound:g})"
+                f"{words} {value:.3g} {unit} (bound: {bound:g})"
                 for words, value, bound, unit in rows
                 if value > bound
             ]

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from impasto._internal.build import build_name
-from impasto.errors import ArgumentError, ResumeMismatchError
+from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
 from impasto.fit.stored import StoredSbrdf
 from impasto.io.files import as_problem_of, atomic_bytes, sync_folder
 from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
 from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import METADATA
-from impasto.io.results.zarr_store import EMPTY_GROUP
 from impasto.jobs.assembly import complete, files_of_tile
-from impasto.jobs.checksums import CHECKSUMS, checksums_file
-from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamaged
+from impasto.jobs.checksums import CHECKSUMS, checksums_file, read_checksums
+from impasto.jobs.folder import NOTES as OF_A_JOB
+from impasto.jobs.folder import changed, check_own, clear, has_begun, partial_of, undamaged
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
 from impasto.jobs.lock import LOCK, locked, release
@@ -35,7 +35,7 @@ from impasto.report import file_entry
 NOTES = MERGE
 REPORT = f"{NOTES}/report.json"
 """What :class:`MergeReport` says, in the store."""
-LISTS = (f"job/{JOURNAL}", CHECKSUMS)
+LISTS = (f"{OF_A_JOB}/{JOURNAL}", CHECKSUMS)
 """Files of a store that have the checksum of every other one."""
 
 
@@ -49,7 +49,8 @@ def write_store(
     """Make a store, or go on with one that was interrupted; ``done`` is called after every tile.
 
     Until it is whole it has the name of an unfinished job, and a journal as that has. It then has
-    the checksums of all of its files, and the bytes of one that was made in one go.
+    the checksums of all of its files, from which the last steps go on without the journal, and the
+    bytes of one that was made in one go.
 
     Raises
     ------
@@ -72,25 +73,43 @@ def write_store(
             _leave(partial)
             raise
         clear(partial)
-        with (
-            closing(Journal(notes / JOURNAL, _entries(partial, grid, merge))) as journal,
-            as_problem_of(partial),
-        ):
-            sync_folder(partial.parent)
-            left = _write_tiles(partial, mosaic, grid, journal, done)
-            shards = {name: crc for one in left.tiles.values() for name, crc in one.shards.items()}
-        more = {f"{NOTES}/{METADATA}": EMPTY_GROUP, REPORT: report.to_json().encode()}
-        crcs = shards | complete(partial, read_npz(notes / NUMBERS), grid, "single", more)
-        atomic_bytes(partial / CHECKSUMS, checksums_file(crcs))
+        if _is_whole(partial, merge):
+            done(len(grid))
+        else:
+            _write(partial, mosaic, grid, report, merge, done)
         with as_problem_of(target):
+            # Before the journal goes: what it says is on the disk must be there without it.
+            sync_folders(partial)
             for name in (NUMBERS, PACE, JOURNAL):
                 (notes / name).unlink(missing_ok=True)
-            sync_folders(partial)
+            sync_folder(notes)
             partial.rename(target)
             # Not before: another process could take a lock of its own.
             release(target / NOTES)
             sync_folder(target / NOTES)
             sync_folder(target.parent)
+
+
+def _write(
+    partial: Path,
+    mosaic: Mosaic,
+    grid: Grid,
+    report: MergeReport,
+    merge: str,
+    done: Callable[[int], None],
+) -> None:
+    """Write all files of a store, but those that its journal has; last the checksums of all."""
+    notes = partial / NOTES
+    with (
+        closing(Journal(notes / JOURNAL, _entries(partial, grid, merge))) as journal,
+        as_problem_of(partial),
+    ):
+        sync_folder(partial.parent)
+        left = _write_tiles(partial, mosaic, grid, journal, done)
+        shards = {name: crc for one in left.tiles.values() for name, crc in one.shards.items()}
+    more = {f"{NOTES}/{METADATA}": _group(merge), REPORT: report.to_json().encode()}
+    crcs = shards | complete(partial, read_npz(notes / NUMBERS), grid, "single", more)
+    atomic_bytes(partial / CHECKSUMS, checksums_file(crcs))
 
 
 def _write_tiles(
@@ -119,11 +138,44 @@ def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
         return own
     found = read_journal(notes / JOURNAL)
     if found.job != merge:
-        raise ResumeMismatchError(
-            f"out: {partial} is an unfinished merge of other frames, with other options or by "
-            "another version; remove that folder, or give another name"
-        )
+        raise _another(partial)
     return undamaged(found, partial, notes, grid)
+
+
+def _is_whole(partial: Path, merge: str) -> bool:
+    """Whether an interrupted merge has all of its files, and lacks nothing but its name.
+
+    Its journal may be gone then. A file that has changed meanwhile is told by the journal; without
+    one everything is made anew.
+
+    Raises
+    ------
+    ResumeMismatchError
+        It is a merge of other frames or with other options, and has no journal that says so.
+    """
+    try:
+        crcs = read_checksums(partial / CHECKSUMS)
+    except (FileNotFoundError, CorruptInputError):
+        return False
+    group = partial / NOTES / METADATA
+    if not group.is_file() or group.read_bytes() != _group(merge):
+        if not has_begun(partial / NOTES):
+            raise _another(partial)
+        return False
+    return not any(changed(partial / name, crc) for name, crc in crcs.items())
+
+
+def _group(merge: str) -> bytes:
+    """The ``zarr.json`` of the notes: what the bytes of the store follow from, for who goes on."""
+    content = {"attributes": {"sha256": merge}, "node_type": "group", "zarr_format": 3}
+    return (json.dumps(content, indent=2, sort_keys=True) + "\n").encode()
+
+
+def _another(partial: Path) -> ResumeMismatchError:
+    return ResumeMismatchError(
+        f"out: {partial} is an unfinished merge of other frames, with other options or by "
+        "another version; remove that folder, or give another name"
+    )
 
 
 def refuse_finished(target: Path) -> None:
@@ -181,7 +233,7 @@ def _digests_of(frames: Sequence[Frame]) -> list[str]:
     return [
         _digest_of_store(frame.result.path)
         if isinstance(frame.result, StoredSbrdf)
-        else _digest_of_arrays(frame.result._saved())
+        else _digest_of_arrays(frame.result.arrays())
         for frame in frames
     ]
 
