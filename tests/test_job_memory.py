@@ -58,6 +58,7 @@ def test_tiles_follow_from_the_memory() -> None:
     assert bytes_of("4GiB") == 2**32
     assert bytes_of("1.5 MB") == 1_500_000
     assert bytes_of(7) == 7
+    assert bytes_of("4G") == bytes_of("4096 m") == 2**32
 
 
 @pytest.fixture

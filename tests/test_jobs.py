@@ -523,6 +523,17 @@ def test_what_cannot_be_a_job_is_refused_at_once(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_store_in_another_is_refused(tmp_path: Path) -> None:
+    """Its files would not belong to the other, as that one's check would say ever after."""
+    out = impasto.run(stack(), tmp_path / "painting.zarr", **OPTIONS)
+    before = tree(tmp_path)
+    with pytest.raises(ArgumentError, match=r"would lie in the store .*painting\.zarr, to which"):
+        impasto.run(stack(), out / "detail.zarr", **OPTIONS)
+    assert tree(tmp_path) == before
+    (tmp_path / "archive.zarr").mkdir()  # a group of others
+    assert impasto.run(stack(), tmp_path / "archive.zarr" / "a.zarr", **OPTIONS).is_dir()
+
+
 def test_other_folders_are_left_alone(tmp_path: Path) -> None:
     for name in ("a.zarr", "b.zarr.partial"):
         (tmp_path / name).mkdir()

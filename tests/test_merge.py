@@ -267,6 +267,8 @@ def test_what_cannot_be_merged_is_refused(lobed: impasto.LobeSbrdf) -> None:
     left, right = parts(lobed)
     with pytest.raises(impasto.ArgumentError, match="frames: expected two or more"):
         impasto.merge([left])
+    with pytest.raises(impasto.ArgumentError, match="frames: frame 2 is given twice; leave one"):
+        impasto.merge([left, right, left])
     with pytest.raises(impasto.ArgumentError, match="frames: number 1 is int"):
         impasto.merge([left, 3])  # type: ignore[list-item]
     with pytest.raises(impasto.ArgumentError, match="reference: expected the number of a frame"):

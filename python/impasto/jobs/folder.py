@@ -11,6 +11,7 @@ from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
 from impasto.io.files import as_problem_of, atomic_bytes
 from impasto.io.folders import sync_folders
 from impasto.io.npz import read_npz
+from impasto.io.results.maps import MERGE
 from impasto.io.results.precision import Precision
 from impasto.io.results.zarr_arrays import METADATA
 from impasto.io.results.zarr_store import EMPTY_GROUP
@@ -56,7 +57,8 @@ def checked_store(out: str | os.PathLike[str], kind: str = ".impasto") -> Path:
     Raises
     ------
     ArgumentError
-        No name of a file, another suffix, a folder that does not exist, or a link to nothing.
+        No name of a file, another suffix, a folder that does not exist, or one in a store, a link
+        to nothing.
     """
     target = _file_name(out)
     if target.suffix.lower() != SUFFIX:
@@ -66,6 +68,13 @@ def checked_store(out: str | os.PathLike[str], kind: str = ".impasto") -> Path:
         )
     if not target.absolute().parent.is_dir():
         raise ArgumentError(f"out: the folder {target.absolute().parent} does not exist")
+    for folder in target.absolute().parents:
+        stored = folder.name.lower().endswith((SUFFIX, SUFFIX + PARTIAL))
+        if stored and any((folder / notes).is_dir() for notes in (NOTES, MERGE)):
+            raise ArgumentError(
+                f"out: {target} would lie in the store {folder}, to which it does not belong; give "
+                "a name outside of it"
+            )
     if target.is_symlink() and not target.exists():
         raise ArgumentError(f"out: {target} is a link to nothing; remove it or give another name")
     return target

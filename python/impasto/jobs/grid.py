@@ -28,9 +28,10 @@ MOST_MEMORY = 2.0**63
 """8 EiB, more than a file system counts."""
 SMALLEST = 16
 """Fewest rows and columns of a tile that a caller may ask for."""
-UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12} | {
-    "KIB": 2**10, "MIB": 2**20, "GIB": 2**30, "TIB": 2**40
-}  # fmt: skip
+UNITS = {"": 1, "B": 1}
+for _power, _prefix in enumerate("KMGT", 1):
+    UNITS[f"{_prefix}B"] = 1000**_power
+    UNITS[f"{_prefix}IB"] = UNITS[_prefix] = 1024**_power
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ def checked_tile(tile: Any) -> int:
 
 
 def bytes_of(memory: Any) -> int:
-    """Bytes of ``"4GiB"``, ``"500 MB"`` or a number.
+    """Bytes of ``"4GiB"``, ``"500 MB"``, ``"4G"`` (GiB, as for Slurm and Docker) or a number.
 
     Raises
     ------

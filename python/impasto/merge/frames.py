@@ -79,7 +79,7 @@ def frames_of(given: Any) -> list[Frame]:
     Raises
     ------
     ArgumentError
-        Fewer than two, something else among them, or frames of different bands.
+        Fewer than two, one twice, something else among them, or frames of different bands.
     """
     if isinstance(given, str | os.PathLike) or not isinstance(given, Sequence):
         raise ArgumentError(
@@ -88,6 +88,12 @@ def frames_of(given: Any) -> list[Frame]:
     if len(given) < 2:
         raise ArgumentError(f"frames: expected two or more to merge, found {len(given)}")
     found = [_numbered(one, index) for index, one in enumerate(given)]
+    seen: set[Any] = set()
+    for one, frame in zip(given, found, strict=True):
+        identity = _identity(one)
+        if identity in seen:
+            raise ArgumentError(f"frames: {frame.name} is given twice; leave one of them out")
+        seen.add(identity)
     for frame in found[1:]:
         if frame.bands != found[0].bands:
             raise ArgumentError(
@@ -105,6 +111,13 @@ def frame_of(one: Sbrdf | StoredSbrdf | str | os.PathLike[str], name: str) -> Fr
         stored = result_file(path).suffix.lower() == ".zarr"
         return Frame(str(path), open_sbrdf(path) if stored else load_sbrdf(path))
     return Frame(one.path.name if isinstance(one, StoredSbrdf) else name, one)
+
+
+def _identity(one: Sbrdf | StoredSbrdf | str | os.PathLike[str]) -> Any:
+    """The same for two frames only if they are one result."""
+    if isinstance(one, Sbrdf):
+        return id(one)
+    return (one.path if isinstance(one, StoredSbrdf) else Path(one)).resolve()
 
 
 def _numbered(one: Any, index: int) -> Frame:
