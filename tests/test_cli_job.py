@@ -387,7 +387,10 @@ def test_changes_are_listed(
     assert "1 file is not as written or read" in captured.err
     assert f"mv {out} {out}.partial && impasto job resume {out}" in captured.err
     assert main(["job", "rerun", str(out), "--into", str(tmp_path / "b.zarr"), "--quiet"]) == 3
-    assert capsys.readouterr().out == "normal/c/0/1/1\n"
+    said = capsys.readouterr()
+    assert said.out == "normal/c/0/1/1\n"
+    assert f"1 file differs between {tmp_path / 'b.zarr'} and {out}" in said.err
+    assert f"impasto job verify {out}" in said.err
     assert main(["info", str(out)]) == 3
 
 
@@ -441,6 +444,31 @@ def test_ctrl_c_while_photographs_are_hashed_says_that_nothing_is_kept(
     monkeypatch.setattr("impasto.jobs.rerun", interrupt)
     assert main(["job", "rerun", str(out), "--into", str(out)]) == 130
     assert "nothing was kept" not in capsys.readouterr().err
+
+
+def test_a_second_store_that_is_interrupted_is_compared_when_it_goes_on(
+    source: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, into = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    impasto.run(source, out, pooling="none", tile=32)
+    rerun = ["job", "rerun", str(out), "--into", str(into), "--quiet"]
+    with monkeypatch.context() as patched:
+        steps, flush = [], os.fsync
+
+        def full(handle: int) -> None:
+            steps.append(handle)
+            if len(steps) > 60:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            flush(handle)
+
+        patched.setattr(os, "fsync", full)
+        assert main(rerun) == 4
+    assert f"go on with: {shlex.join(['impasto', *rerun[:-1]])}" in capsys.readouterr().err
+    assert main(rerun) == 0
+    assert "the same bytes as" in capsys.readouterr().out
 
 
 def test_a_lost_scheduler_is_told_in_words_of_the_command_line(

@@ -427,14 +427,18 @@ def rerun(
         differ = list(found)
         return into
 
-    code = _worked(into, memory, quiet, scheduler, work)
+    code = _worked(into, memory, quiet, scheduler, work, again=out)
     if differ is None:
         return code
     page = console.stdout()
     for name in differ:
         page.out(name)
     if differ:
-        console.complain(f"{into}: {files_words(len(differ))} not those of {out}")
+        count = "1 file differs" if len(differ) == 1 else f"{len(differ)} files differ"
+        console.complain(f"{count} between {into} and {out}")
+        console.hint(
+            f"whether one was changed says: {shlex.join(['impasto', 'job', 'verify', str(out)])}"
+        )
         return Exit.CORRUPT_INPUT
     page.out(f"{into}: the same bytes as {out}")
     return code
@@ -446,8 +450,13 @@ def _worked(
     quiet: bool,
     scheduler: str | None,
     work: Callable[[ProgressCallback, Client | None], Path],
+    *,
+    again: Path | None = None,
 ) -> int:
-    """Do the work of a job, show its pace, and say how to go on where it ends early."""
+    """Do the work of a job, show its pace, and say how to go on where it ends early.
+
+    ``again``: the store of which another is made.
+    """
     from impasto.jobs.cluster import LOST, connected, has_workers
 
     share_one_heap()
@@ -472,32 +481,32 @@ def _worked(
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
-        say_how_to_resume(out, scheduler)
+        say_how_to_resume(out, scheduler, again)
         if not has_kept(out):
             console.hint("nothing was kept yet; give the same command again")
         return Exit.INTERRUPTED
     except ClusterError as error:
         words = str(error).removeprefix("client: ").replace("(memory=)", "(--memory)")
         console.complain(words.replace("a new client", "a scheduler that runs, or without one"))
-        say_how_to_resume(out, None if str(error) == LOST else scheduler)
+        say_how_to_resume(out, None if str(error) == LOST else scheduler, again)
         return Exit.PARTIAL
     except OSError as error:
         if not is_resumable(out) or error.errno is None:
             raise
         console.complain(os_words(error))
-        say_how_to_resume(out, scheduler)
+        say_how_to_resume(out, scheduler, again)
         return Exit.PARTIAL
     except ArgumentError as error:
         if not is_of_a_disk(error, begun=pace.begun) or not is_resumable(out):
             raise
         console.complain(str(error))
-        say_how_to_resume(out, scheduler)
+        say_how_to_resume(out, scheduler, again)
         return Exit.PARTIAL
     except MemoryError:
-        return say_how_to_take_less(out, memory, scheduler)
+        return say_how_to_take_less(out, memory, scheduler, again)
     if not pace.begun:
         _say_notes(stages, out)
-    return _say_end(stages, out)
+    return Exit.OK if again else _say_end(stages, out)
 
 
 def _say_notes(stages: Stages, out: Path) -> None:

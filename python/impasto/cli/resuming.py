@@ -42,10 +42,13 @@ def has_kept(out: Path) -> bool:
     return any((folder / NOTES / RECORD).exists() for folder in (out, partial_of(out)))
 
 
-def say_how_to_resume(out: Path, scheduler: str | None) -> None:
-    """The command that goes on, where there is something to go on with."""
+def say_how_to_resume(out: Path, scheduler: str | None, again: Path | None = None) -> None:
+    """The command that goes on, where there is something to go on with.
+
+    ``again``: the store that is made once more, and compared.
+    """
     if is_resumable(out):
-        console.hint(f"go on with: {resume_words(out, scheduler=scheduler)}")
+        console.hint(f"go on with: {resume_words(out, None, scheduler, again)}")
 
 
 def os_words(error: OSError) -> str:
@@ -62,7 +65,9 @@ def is_of_a_disk(error: ArgumentError, *, begun: bool) -> bool:
     return isinstance(cause, OSError) and (begun or cause.errno not in OF_A_NAME)
 
 
-def say_how_to_take_less(out: Path, memory: str | None, scheduler: str | None) -> int:
+def say_how_to_take_less(
+    out: Path, memory: str | None, scheduler: str | None, again: Path | None = None
+) -> int:
     """Half of the memory that was not there, and tiles of another size by a new job.
 
     ``memory``: what was asked for; None: what the job had.
@@ -77,7 +82,7 @@ def say_how_to_take_less(out: Path, memory: str | None, scheduler: str | None) -
         "not enough memory; the tiles of this job keep their size: if less for the rest does not "
         "do, begin anew with smaller tiles (impasto job run --no-resume --tile)"
     )
-    console.hint(f"go on with: {resume_words(out, _half_of(had), scheduler)}")
+    console.hint(f"go on with: {resume_words(out, _half_of(had), scheduler, again)}")
     return Exit.PARTIAL
 
 
@@ -125,9 +130,19 @@ def say_how_to_repair(out: Path, findings: Sequence[Finding]) -> None:
     console.hint(f"made again, from the photographs, by: {rename}{resume_words(out)}")
 
 
-def resume_words(out: Path, memory: str | None = None, scheduler: str | None = None) -> str:
-    """The command that goes on with a job, with the memory that it had where none is given."""
+def resume_words(
+    out: Path,
+    memory: str | None = None,
+    scheduler: str | None = None,
+    again: Path | None = None,
+) -> str:
+    """The command that goes on with a job, with the memory that it had where none is given.
+
+    ``again``: of what store it is the second one, with which it is compared in the end.
+    """
     words = ["impasto", "job", "resume", str(out)]
+    if again is not None:
+        words = ["impasto", "job", "rerun", str(again), "--into", str(out)]
     if memory is not None:
         words += ["--memory", memory]
     if scheduler is not None:
