@@ -101,9 +101,9 @@ def atomic_together(files: Mapping[Path, bytes | memoryview | Iterable[memoryvie
 
 
 def _make(folders: Iterable[Path]) -> set[Path]:
-    """Make folders, and those above them; which of all these were missing.
+    """Make folders, and those above them; which of all these the call has made itself.
 
-    One that another process has just made is flushed by that: a tile that a power failure takes in
+    One that another call has just made is flushed by that: a tile that a power failure takes in
     between is found to be missing, and made again.
     """
     missing: set[Path] = set()
@@ -111,9 +111,16 @@ def _make(folders: Iterable[Path]) -> set[Path]:
         while folder not in missing and not folder.is_dir():
             missing.add(folder)
             folder = folder.parent
+    made: set[Path] = set()
     for folder in sorted(missing):
-        folder.mkdir(exist_ok=True)
-    return missing
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            if not folder.is_dir():
+                raise
+        else:
+            made.add(folder)
+    return made
 
 
 def sync_folder(path: Path) -> None:
