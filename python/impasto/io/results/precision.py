@@ -1,7 +1,8 @@
 """Maps in half precision: which of them a store may keep so, and what readers get.
 
 Half precision has 11 bits: a colour changes by 0.05 % of itself, a normal by 0.024 degrees at
-most. Its largest number is 65504.
+most. Numbers below 2**-14 have fewer bits and change by 2**-25, 3e-8, at most. The largest number
+is 65504.
 """
 
 from __future__ import annotations
