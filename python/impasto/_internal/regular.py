@@ -65,7 +65,13 @@ class RegularFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.handle = _opened(path)
+        try:
+            found = _opened(path)
+        except OSError as error:
+            raise unreadable(path, error) from error
+        if isinstance(found, str):
+            raise _no_file(path, found)
+        self.handle = found
         self.size = os.fstat(self.handle.fileno()).st_size
         self._lock = Lock()
 
@@ -162,32 +168,54 @@ def check_regular(path: Path) -> None:
     ArgumentError
         A folder, a pipe, a device or a socket, or a name that no file can have.
     """
+    if (kind := _kind_of(path)) is not None:
+        raise _no_file(path, kind)
+
+
+def content_of(path: Path) -> bytes:
+    """All of a file that impasto wrote itself, such as a note of a job.
+
+    Raises
+    ------
+    CorruptInputError
+        Something else has its name: a folder, a pipe, a device or a socket.
+    OSError
+        The system does not give it, or there is none.
+    """
+    found = _opened(path)
+    if isinstance(found, str):
+        raise CorruptInputError(path, f"is {found}, not a file; remove it")
+    with found:
+        return found.readall()
+
+
+def _kind_of(path: Path) -> str | None:
+    """What a path names that is no file, in words."""
     try:
         mode = path.stat().st_mode
     except OSError:
-        return
+        return None
     except ValueError as error:
         raise ArgumentError(f"{path}: is no name of a file: it contains a NUL character") from error
-    _refuse(path, mode)
+    return _words(mode)
 
 
-def _opened(path: Path) -> Handle:
-    check_regular(path)
+def _opened(path: Path) -> Handle | str:
+    """The open file, or in words what else the path names."""
+    if (kind := _kind_of(path)) is not None:
+        return kind
     # Whatever takes the place of the file in between is opened without waiting for a writer.
     extra = getattr(os, "O_NONBLOCK", 0)
-    try:
-        handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    try:
-        _refuse(path, os.fstat(handle.fileno()).st_mode)
-    except ArgumentError:
+    handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
+    if (kind := _words(os.fstat(handle.fileno()).st_mode)) is not None:
         handle.close()
-        raise
+        return kind
     return handle
 
 
-def _refuse(path: Path, mode: int) -> None:
-    for has_kind, words in _KINDS:
-        if has_kind(mode):
-            raise ArgumentError(f"{path}: is {words}, not a file; give the name of a file")
+def _words(mode: int) -> str | None:
+    return next((words for has_kind, words in _KINDS if has_kind(mode)), None)
+
+
+def _no_file(path: Path, kind: str) -> ArgumentError:
+    return ArgumentError(f"{path}: is {kind}, not a file; give the name of a file")

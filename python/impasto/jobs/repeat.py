@@ -28,6 +28,7 @@ from impasto.jobs.folder import (
 from impasto.jobs.grid import bytes_of, in_words
 from impasto.jobs.inspection import folder_of
 from impasto.jobs.job import carry_out
+from impasto.jobs.kept_options import check_options
 from impasto.jobs.learning import border_of
 from impasto.jobs.memory import kept_memory
 from impasto.jobs.photographs import Photographs, open_photographs
@@ -165,6 +166,9 @@ def _repeated(
 ) -> Path:
     """The job of the record of a store, with the photographs as they are now."""
     need_zarr()
+    # At once: another version may not know these options, and hashing takes long.
+    refuse_changes(record, replace(record, version=build_name()), store)
+    check_options(record, store / NOTES / RECORD)
     if record.source is None and source is None:
         raise ArgumentError(
             "source: this job is one of a stack in memory, which its folder does not hold; give "
