@@ -168,7 +168,7 @@ def check_regular(path: Path) -> None:
     ArgumentError
         A folder, a pipe, a device or a socket, or a name that no file can have.
     """
-    if (kind := _kind_of(path)) is not None:
+    if (kind := kind_of(path)) is not None:
         raise _no_file(path, kind)
 
 
@@ -189,31 +189,32 @@ def content_of(path: Path) -> bytes:
         return found.readall()
 
 
-def _kind_of(path: Path) -> str | None:
-    """What a path names that is no file, in words."""
+def kind_of(path: Path) -> str | None:
+    """What a path names that is no file, in words; None: a file, or nothing."""
     try:
         mode = path.stat().st_mode
     except OSError:
         return None
     except ValueError as error:
         raise ArgumentError(f"{path}: is no name of a file: it contains a NUL character") from error
-    return _words(mode)
+    return words_of(mode)
 
 
 def _opened(path: Path) -> Handle | str:
     """The open file, or in words what else the path names."""
-    if (kind := _kind_of(path)) is not None:
+    if (kind := kind_of(path)) is not None:
         return kind
     # Whatever takes the place of the file in between is opened without waiting for a writer.
     extra = getattr(os, "O_NONBLOCK", 0)
     handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
-    if (kind := _words(os.fstat(handle.fileno()).st_mode)) is not None:
+    if (kind := words_of(os.fstat(handle.fileno()).st_mode)) is not None:
         handle.close()
         return kind
     return handle
 
 
-def _words(mode: int) -> str | None:
+def words_of(mode: int) -> str | None:
+    """What something with this mode is, in words; None: a file."""
     return next((words for has_kind, words in _KINDS if has_kind(mode)), None)
 
 

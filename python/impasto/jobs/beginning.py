@@ -10,7 +10,9 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from pathlib import Path
 from typing import Any, TypeVar
 
+from impasto._internal.damage import DAMAGE
 from impasto._internal.pools import Stop, beside
+from impasto._internal.regular import content_of
 from impasto.errors import ArgumentError
 from impasto.io.files import as_problem_of
 from impasto.jobs.folder import (
@@ -151,13 +153,19 @@ def held(target: Path) -> Iterator[Beginning]:
 
 
 def bytes_read(notes: Path) -> tuple[int, int] | None:
-    """How many bytes of how many have been hashed; None where nobody reads, or has said so."""
+    """How many bytes of how many have been hashed; None where nobody reads, or has said so.
+
+    Raises
+    ------
+    CorruptInputError
+        A pipe, a folder, a device or a socket has the name of the file.
+    """
     try:
-        lines = (notes / READING).read_text(encoding="utf-8").splitlines()
+        lines = content_of(notes / READING).splitlines()
     except OSError:
         return None
     for line in reversed(lines):
-        with suppress(ValueError, KeyError, TypeError):  # the last one is being written
+        with suppress(*DAMAGE):  # the last one is being written
             entry = json.loads(line)
             return int(entry["bytes"]), int(entry["of"])
     return None

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
 from logging import NullHandler, getLogger
 from pathlib import Path
 
+from impasto._internal.regular import kind_of
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
 from impasto.io.files import as_problem_of, atomic_bytes
 from impasto.io.folders import sync_folders
@@ -17,7 +19,7 @@ from impasto.io.results.zarr_store import EMPTY_GROUP
 from impasto.io.temporary import OLD, PARTIAL, is_temporary, temporary_beside
 from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
-from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
+from impasto.jobs.journal import JOURNAL, Entries, checksum, problem_of, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK
 from impasto.jobs.memory import MEMORY
@@ -31,6 +33,8 @@ NOTES = "job"
 RECORD = "job.json"
 READING = "reading.jsonl"
 """How far photographs are read and hashed; there while that lasts."""
+NOTE_FILES = (RECORD, LEARNED, JOURNAL, NUMBERS, READING, LOCK, PACE, MEMORY, METADATA)
+"""All that a job puts among its notes."""
 SUFFIX = ".zarr"
 
 
@@ -142,9 +146,10 @@ def check_finished(target: Path, grid: Grid) -> Entries:
     Raises
     ------
     CorruptInputError
-        An unfinished job under the name of a finished one, or a journal that is damaged, missing or
-        that of another job.
+        An unfinished job under the name of a finished one, a journal that is damaged, missing or
+        that of another job, or a note that is no file.
     """
+    check_notes(target / NOTES)
     try:
         entries = read_journal(target / NOTES / JOURNAL)
     except FileNotFoundError as error:
@@ -194,6 +199,8 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
     ------
     ArgumentError
         A folder in it, or a file of its notes, is a link. The folder itself may be one.
+    CorruptInputError
+        One of its notes is no file.
     """
     for path in partial.rglob("*"):
         if path.is_symlink() and (path.is_dir() or notes in path.relative_to(partial).parts[:-1]):
@@ -201,6 +208,26 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
                 f"out: {path} is a link; a job writes only into its own folder: put what it leads "
                 "to in its place, or begin anew (resume=False, --no-resume)"
             )
+    check_notes(partial / notes)
+
+
+def check_notes(notes: Path) -> None:
+    """Refuse notes of which one is no file: who opens a pipe waits for its other end for ever.
+
+    Raises
+    ------
+    CorruptInputError
+        It is a pipe, a folder, a device or a socket.
+    """
+    for problem in strange_notes(notes):
+        raise problem
+
+
+def strange_notes(notes: Path) -> Iterator[CorruptInputError]:
+    """What :func:`check_notes` raises, for each of them."""
+    for path in (notes / name for name in NOTE_FILES):
+        if (kind := kind_of(path)) is not None:
+            yield CorruptInputError(path, f"is {kind}, not a file; remove it")
 
 
 def clear(partial: Path) -> None:
@@ -239,7 +266,7 @@ def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries
             del found.tiles[again]
     places = set(grid)
     for tile, entry in list(found.tiles.items()):
-        lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
+        lost = [name for name, crc in entry.shards.items() if problem_of(partial / name, crc)]
         if tile not in places or lost:
             LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
             del found.tiles[tile]
@@ -266,11 +293,6 @@ def numbers_problem(notes: Path, entries: Entries) -> str | None:
     if path.is_symlink() or checksum(path) not in known:
         return "is not as it was written"
     return None
-
-
-def changed(path: Path, crc: str) -> bool:
-    """Whether a file is missing or not as it was written."""
-    return path.is_symlink() or not path.is_file() or checksum(path) != crc
 
 
 def finish(

@@ -19,6 +19,7 @@ from impasto.jobs.folder import (
     NOTES,
     RECORD,
     check_finished,
+    check_notes,
     checked_target,
     earlier_record,
     partial_of,
@@ -26,7 +27,7 @@ from impasto.jobs.folder import (
     refuse_differences,
 )
 from impasto.jobs.grid import bytes_of, in_words
-from impasto.jobs.inspection import folder_of
+from impasto.jobs.inspection import in_folder_of
 from impasto.jobs.job import carry_out
 from impasto.jobs.kept_options import check_options
 from impasto.jobs.learning import border_of
@@ -81,8 +82,7 @@ def resume(
     ClusterError
         As in :func:`impasto.run`.
     """
-    folder, whole = folder_of(out)
-    record = JobRecord.read(folder / NOTES / RECORD)
+    folder, whole, record = in_folder_of(out, _found)
     if whole:
         check_finished(folder, record.grid)
         return folder
@@ -133,13 +133,12 @@ def rerun(
     ClusterError
         As in :func:`impasto.run`.
     """
-    folder, whole = folder_of(out)
+    folder, whole, record = in_folder_of(out, _found)
     target = checked_target(into)
     if not whole:
         raise ArgumentError(f"out: {out} is not finished: resume it first")
     if target.exists() and target.samefile(folder):
         raise ArgumentError(f"into: {target} is the store itself; give another name")
-    record = JobRecord.read(folder / NOTES / RECORD)
     # One that was interrupted goes on.
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
@@ -152,6 +151,12 @@ def rerun(
         if not path.is_dir()
     }
     return tuple(sorted(name for name in names if _differ(folder / name, made / name)))
+
+
+def _found(folder: Path, whole: bool) -> tuple[Path, bool, JobRecord]:
+    """The folder of a job, whether it is finished, and its record."""
+    check_notes(folder / NOTES)
+    return folder, whole, JobRecord.read(folder / NOTES / RECORD)
 
 
 def _repeated(
