@@ -47,6 +47,7 @@ class Beginning:
         self._partial = partial_of(target)
         self._notes = self._partial / NOTES
         self._lock = ExitStack()
+        self._there = False  # the folder, until it is discarded
         self._holds = False
         self._stop = Stop()
         self._last = float("-inf")
@@ -62,6 +63,7 @@ class Beginning:
         if self._target.exists():
             return
         check_own(self._partial)
+        self._there = True
         try:
             self._notes.mkdir(parents=True, exist_ok=True)
             self._lock.enter_context(locked(self._notes))
@@ -78,8 +80,6 @@ class Beginning:
         """Remove what an earlier run has left, which is not to go on."""
         if self._holds and (self._notes / RECORD).exists():
             self.discard()
-            self._holds = False
-            self._lock.close()
             self.take()
 
     def keep_memory(self, memory: int) -> None:
@@ -88,21 +88,30 @@ class Beginning:
             keep_memory(self._notes, memory)
 
     def discard(self) -> None:
-        """Remove the folder with all that is in it."""
+        """Remove the folder with all that is in it; the lock ends with it.
+
+        From then on what has its name is of another process.
+        """
         remove_unfinished(self._partial)
+        self._there = self._holds = False
+        self._lock.close()
 
     def leave(self) -> None:
         """After an error: of a job that has no record yet nothing is left; the lock ends."""
         with suppress(OSError):
-            if self._holds:
-                (self._notes / READING).unlink(missing_ok=True)
-            if not (self._notes / RECORD).exists():
-                if self._holds:
-                    (self._notes / LOCK).unlink(missing_ok=True)
-                self._notes.rmdir()  # refuses where anything is in it
-                if not self._partial.is_symlink():
-                    self._partial.rmdir()
+            if self._there:
+                self._remove_traces()
         self._lock.close()
+
+    def _remove_traces(self) -> None:
+        if self._holds:
+            (self._notes / READING).unlink(missing_ok=True)
+        if not (self._notes / RECORD).exists():
+            if self._holds:
+                (self._notes / LOCK).unlink(missing_ok=True)
+            self._notes.rmdir()  # refuses where anything is in it
+            if not self._partial.is_symlink():
+                self._partial.rmdir()
 
     def close(self) -> None:
         """End the lock."""
