@@ -5,17 +5,18 @@ from __future__ import annotations
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
 
+Opened = TypeVar("Opened", bound=io.FileIO)
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -66,7 +67,7 @@ class RegularFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            found = _opened(path)
+            found = _opened(path, Handle)
         except OSError as error:
             raise unreadable(path, error) from error
         if isinstance(found, str):
@@ -182,7 +183,7 @@ def content_of(path: Path) -> bytes:
     OSError
         The system does not give it, or there is none.
     """
-    found = _opened(path)
+    found = _opened(path, io.FileIO)
     if isinstance(found, str):
         raise CorruptInputError(path, f"is {found}, not a file; remove it")
     with found:
@@ -200,13 +201,13 @@ def kind_of(path: Path) -> str | None:
     return words_of(mode)
 
 
-def _opened(path: Path) -> Handle | str:
-    """The open file, or in words what else the path names."""
+def _opened(path: Path, of: Callable[..., Opened]) -> Opened | str:
+    """The file, opened by this class, or in words what else the path names."""
     if (kind := kind_of(path)) is not None:
         return kind
     # Whatever takes the place of the file in between is opened without waiting for a writer.
     extra = getattr(os, "O_NONBLOCK", 0)
-    handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
+    handle = of(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
     if (kind := words_of(os.fstat(handle.fileno()).st_mode)) is not None:
         handle.close()
         return kind

@@ -23,6 +23,7 @@ from impasto.jobs.journal import JOURNAL, Entries, checksum, problem_of, read_jo
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK
 from impasto.jobs.memory import MEMORY
+from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 
@@ -237,7 +238,7 @@ def clear(partial: Path) -> None:
             path.unlink()
 
 
-def entries_of(partial: Path, grid: Grid) -> Entries:
+def entries_of(partial: Path, grid: Grid, meter: Meter) -> Entries:
     """The journal of a job, without tiles whose files are not those that it wrote."""
     notes = partial / NOTES
     own = Entries(digest_of(notes / RECORD), digest_of(notes / LEARNED))
@@ -252,10 +253,10 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
             f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
             "or begin anew (resume=False, --no-resume)",
         )
-    return undamaged(found, partial, notes, grid)
+    return undamaged(found, partial, notes, grid, meter)
 
 
-def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries:
+def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid, meter: Meter) -> Entries:
     """What a journal says, without tiles whose files are not those that were written."""
     if problem := numbers_problem(notes, found):
         (notes / NUMBERS).unlink(missing_ok=True)
@@ -265,8 +266,14 @@ def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries
             LOG.warning("tile %s is fitted again: %s %s", again, notes / NUMBERS, problem)
             del found.tiles[again]
     places = set(grid)
+    if found.tiles:
+        meter.begin(partial / name for entry in found.tiles.values() for name in entry.shards)
     for tile, entry in list(found.tiles.items()):
-        lost = [name for name, crc in entry.shards.items() if problem_of(partial / name, crc)]
+        lost = []
+        for name, crc in entry.shards.items():
+            if problem_of(partial / name, crc) is not None:
+                lost.append(name)
+            meter.read(partial / name)
         if tile not in places or lost:
             LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
             del found.tiles[tile]

@@ -28,7 +28,7 @@ from impasto.jobs.folder import (
 )
 from impasto.jobs.grid import bytes_of, in_words
 from impasto.jobs.inspection import in_folder_of
-from impasto.jobs.job import carry_out
+from impasto.jobs.job import Means, carry_out
 from impasto.jobs.kept_options import check_options
 from impasto.jobs.learning import border_of
 from impasto.jobs.memory import kept_memory
@@ -89,7 +89,8 @@ def resume(
     target = checked_target(out)
     if memory is None:
         memory = kept_memory(folder / NOTES) or DEFAULT_MEMORY
-    return _repeated(record, target, source, target, memory, client, threads, progress)
+    means = Means(bytes_of(memory), checked_client(client, source), threads, progress)
+    return _repeated(record, target, source, target, means)
 
 
 def rerun(
@@ -143,7 +144,8 @@ def rerun(
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
         refuse_differences(earlier, record, target, "into")
-    made = _repeated(record, folder, source, target, memory, client, threads, progress)
+    means = Means(bytes_of(memory), checked_client(client, source), threads, progress)
+    made = _repeated(record, folder, source, target, means)
     names = {
         path.relative_to(store).as_posix()
         for store in (folder, made)
@@ -164,10 +166,7 @@ def _repeated(
     store: Path,
     source: Stack | Photographs | None,
     target: Path,
-    memory: str | int,
-    client: Client | None,
-    threads: int | None,
-    progress: bool | ProgressCallback,
+    means: Means,
 ) -> Path:
     """The job of the record of a store, with the photographs as they are now."""
     need_zarr()
@@ -181,19 +180,17 @@ def _repeated(
         )
     if record.source is not None and source is not None:
         raise ArgumentError(f"source: this job reads {record.source}; leave source out")
-    client = checked_client(client, source)
-    budget = bytes_of(memory)
     with held(target) as own:
         photographs = open_photographs(
             record.source if source is None else source,
             record.reading,
-            budget // 2,
+            means.memory // 2,
             record.curve,
         )
         # Not before there is room for it.
-        own.keep_memory(budget)
+        own.keep_memory(means.memory)
         if store == target:
-            _warn_of_memory(budget // 2, photographs, record)
+            _warn_of_memory(means.memory // 2, photographs, record)
         curve = photographs.encoding
         found = replace(
             record,
@@ -204,10 +201,7 @@ def _repeated(
             notes=photographs.notes,
         )
         refuse_changes(record, found, store)
-        return carry_out(
-            found, photographs, target, own,
-            memory=budget, client=client, threads=threads, progress=progress,
-        )  # fmt: skip
+        return carry_out(found, photographs, target, own, means)
 
 
 def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) -> None:

@@ -26,6 +26,7 @@ from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamag
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
 from impasto.jobs.lock import LOCK, locked, release
+from impasto.jobs.meter import Meter
 from impasto.jobs.tiles import NUMBERS, PACE, EncodedTile, TileLog
 from impasto.merge.blend import Mosaic
 from impasto.merge.frames import Frame
@@ -123,7 +124,7 @@ def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
             f"out: {partial} is an unfinished merge of other frames, with other options or by "
             "another version; remove that folder, or give another name"
         )
-    return undamaged(found, partial, notes, grid)
+    return undamaged(found, partial, notes, grid, Meter(None))
 
 
 def refuse_finished(target: Path) -> None:
