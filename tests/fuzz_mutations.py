@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from impasto._internal.damage import DAMAGE
 from impasto.io import json_lines
 from impasto.io.results import zarr_store
 
@@ -113,6 +114,34 @@ def lines_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> by
                     content["before"] = json_lines.crc_of(b"".join(lines[:index]))
                 lines[index] = json_lines.sealed_line(content)
     return b"".join(lines)
+
+
+def record_repaired(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:
+    """Most records of jobs with a right checksum; half of them whole but for a value or two."""
+    if chance.random() < 0.1:
+        return data
+    with contextlib.suppress(*DAMAGE):
+        content = json.loads(data if chance.random() < 0.5 else chance.choice(seeds))
+        if chance.random() < 0.8:
+            for _ in range(chance.choice((1, 1, 2))):
+                _change_leaf(content, chance)
+        return _sealed_record(content)
+    return data
+
+
+def moved(record: bytes, folder: str, other: str) -> bytes:
+    """The record of a job whose files lie in another folder."""
+    return _sealed_record(json.loads(record.decode().replace(folder, other)))
+
+
+def _sealed_record(content: dict[str, Any]) -> bytes:
+    content.pop(json_lines.CHECK, None)
+    text = _record_text(content)
+    return _record_text(content | {json_lines.CHECK: json_lines.crc_of(text)})
+
+
+def _record_text(content: dict[str, Any]) -> bytes:
+    return (json.dumps(content, indent=2, sort_keys=True) + "\n").encode()
 
 
 def leaves_changed(data: bytes, seeds: list[bytes], chance: random.Random) -> bytes:

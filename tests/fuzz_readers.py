@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -24,7 +25,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,9 @@ from fuzz_mutations import (
     lines_repaired,
     list_repaired,
     members_changed,
+    moved,
     mutated,
+    record_repaired,
 )
 from impasto import io
 from impasto.cli.folder import read_report
@@ -49,6 +52,9 @@ from impasto.colour.session import read_display
 from impasto.io.results.zarr_store import ZarrStore
 from impasto.io.session_toml import session_text, sha256_of
 from impasto.jobs.journal import read_journal
+from impasto.jobs.kept_options import check_options
+from impasto.jobs.learning import border_of
+from impasto.jobs.photographs import open_photographs
 from impasto.jobs.record import JobRecord
 from recorded_faults import fuzzed, recorded
 from rti_files import rti_readers
@@ -61,6 +67,8 @@ BATCH = 100_000
 """Cases of one process, which first makes the good files for seconds. A crash ends them all."""
 FIRST_BATCH = 500
 """Cases from which the pace of a reader is taken."""
+PHOTOGRAPHS = "/photographs"
+"""Their folder in a record: that of a run has another name each time, and so would its cases."""
 WAIT = 1800.0
 """Seconds after which one of its cases waits for ever."""
 
@@ -298,6 +306,45 @@ def _archives(folder: Path) -> dict[str, Reader]:
     }
 
 
+def _record(folder: Path) -> Reader:
+    """Records of jobs of files, of which each is read as the job that goes on does."""
+    home = folder / "photographs"
+    home.mkdir()
+    names = [f"{i}.png" for i in range(len(LIGHTS))]
+    for i, name in enumerate(names):
+        io.write_png8(home / name, np.full((*SIZE, 3), 40 * i + 40, np.uint8))
+    io.write_lights(home / "a.lp", LIGHTS, names)
+    readings: tuple[dict[str, Any], ...] = (
+        {},
+        {"encoding": "2.2", "saturation": [250, 251, 252], "mask": home / "4.png"},
+        {
+            "white": home / "4.png",
+            "dark": 2,
+            "intensities": [1, 2, 3, 4, 5],
+            "bands": ["a", "b", "c"],
+        }
+        | {"pitch_mm": 0.1, "max_pixels": 1000},
+    )
+    seeds = []
+    for number, reading in enumerate(readings):
+        pooling = ("none", "painting", "pixel")[number]
+        out = impasto.run(
+            home / "a.lp", folder / f"record{number}.zarr", pooling=pooling, reading=reading
+        )
+        seeds.append(moved((out / "job" / "job.json").read_bytes(), str(home), PHOTOGRAPHS))
+
+    def read(path: Path) -> None:
+        record = JobRecord.read(path)
+        check_options(record, path)
+        border_of(record.fit)
+        list(itertools.islice(record.grid, 3))
+        record.differences(replace(record, shape=(1, 1, 1, 1)))
+        options = json.dumps(record.reading).replace(PHOTOGRAPHS, str(home))
+        open_photographs(home / "a.lp", json.loads(options), 0, record.curve)
+
+    return Reader(".json", seeds, read, text=True, repair=record_repaired)
+
+
 def _jobs(folder: Path) -> dict[str, Reader]:
     """Records and journals of jobs, and the list of arrays of a store."""
     arrays = {"kind": np.array("a"), "status": np.zeros(SIZE, np.uint8), "x": np.ones(3)}
@@ -329,7 +376,7 @@ def _jobs(folder: Path) -> dict[str, Reader]:
         return Reader(file.suffix, [file.read_bytes()], read, text=True, **options)
 
     return {
-        "record": reader(notes / "job.json", JobRecord.read),
+        "record": _record(folder),
         "journal": reader(notes / "journal.jsonl", read_journal, repair=lines_repaired),
         "store": reader(folder / "a.zarr" / "zarr.json", store, repair=list_repaired),
         "array": reader(folder / "a.zarr" / "x" / "zarr.json", array),

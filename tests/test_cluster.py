@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +23,7 @@ from impasto.cli.console import Stages
 from impasto.io import write_jpeg, write_lights, write_png8, write_stack
 from impasto.jobs import cluster as client_side
 from impasto.jobs.learning import digest_of
+from impasto.jobs.photographs import open_photographs
 from impasto.jobs.worker import SharedJob, fit_tile, release
 from interrupted_jobs import interrupting
 from job_photographs import photographs
@@ -287,6 +289,43 @@ def test_a_worker_makes_smaller_scales_on_one_thread(
     finally:
         release(job)
     assert taken == {1}
+
+
+@pytest.mark.parametrize("when", ["before", "while"])
+def test_a_tile_of_a_job_that_has_ended_opens_no_photographs(
+    when: str, source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cancelled tile comes to its turn before or while the job is released."""
+    out = tmp_path / "a.zarr"
+    with interrupting(2) as stop:
+        impasto.run(source, out, progress=stop, **NONE)
+    notes = (partial := tmp_path / "a.zarr.partial") / "job"
+    digests = (digest_of(notes / name) for name in ("job.json", "learned.npz"))
+    job = SharedJob(partial, *digests, 1, run=when)
+    worker = SimpleNamespace(address=when, state=SimpleNamespace(nthreads=1))
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    before = photographs_kept()
+
+    def opened(*given: Any) -> Any:
+        release(job)
+        return open_photographs(*given)
+
+    if when == "before":
+        release(job)
+    else:
+        monkeypatch.setattr("impasto.jobs.worker.open_photographs", opened)
+    with pytest.raises(impasto.ClusterError, match=r"a\.zarr\.partial has ended"):
+        fit_tile(job, (1, 1), False)
+    assert photographs_kept() == before
+    # The same job goes on with the same workers.
+    monkeypatch.undo()
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    again = replace(job, run="again")
+    try:
+        assert fit_tile(again, (1, 1), False).entry.shards
+    finally:
+        release(again)
+    assert photographs_kept() == before
 
 
 def dying() -> None:

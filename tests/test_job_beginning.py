@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ import dask.array
 import pytest
 
 import impasto
-from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
+from impasto import ArgumentError, CorruptInputError, GeometryError, ResumeMismatchError, jobs
 from impasto.cli import main
 from impasto.jobs import photographs as reading
+from impasto.jobs.beginning import held
 from interrupted_jobs import interrupting
 from job_photographs import photographs
 from killed_jobs import in_child, stack, tree
@@ -25,6 +27,8 @@ from killed_jobs import in_child, stack, tree
 pytest.importorskip("fcntl", reason="jobs need POSIX")
 
 OPTIONS: dict[str, Any] = {"pooling": "none", "tile": 32, "memory": "1MB", "sample": 1}
+HELD = ("lock", "reading.jsonl")
+"""Files of a job that has just begun."""
 HASHES = reading.file_entries
 """What hashes the photographs of a job."""
 
@@ -246,6 +250,28 @@ def test_what_is_no_progress_is_refused_before_anything_is_made(tmp_path: Path) 
     with pytest.raises(ArgumentError, match="progress: expected True, False or a callable"):
         impasto.run(stack(), tmp_path / "a.zarr", **OPTIONS | {"progress": "yes"})
     assert list(tmp_path.iterdir()) == []
+
+
+def discarded(out: Path, then: Callable[[], object]) -> None:
+    """A job of lights that determine no normal; another process comes before it ends."""
+    with held(out) as own:
+        own.discard()
+        then()
+        raise GeometryError("lights: lie in one plane")
+
+
+def test_a_folder_that_was_discarded_is_left_to_another_process(tmp_path: Path) -> None:
+    out, notes = tmp_path / "painting.zarr", tmp_path / "b.zarr.partial" / "job"
+    with ExitStack() as second:
+        with pytest.raises(GeometryError):
+            discarded(out, lambda: second.enter_context(held(out)))
+        assert jobs.status(out).phase == "reading"
+        assert set(tree(tmp_path)) == {f"{out.name}.partial/job/{n}" for n in HELD}
+        with pytest.raises(ArgumentError, match="in use by another job"), held(out):
+            pass
+    with pytest.raises(GeometryError):
+        discarded(tmp_path / "b.zarr", lambda: notes.mkdir(parents=True))
+    assert notes.is_dir(), "the other one is about to lock it"
 
 
 def test_what_is_no_job_is_not_written_into(tmp_path: Path) -> None:

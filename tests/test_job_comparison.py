@@ -15,6 +15,7 @@ from impasto.cli import main
 from impasto.io import write_stack
 from impasto.jobs import inspection, meter
 from impasto.jobs.journal import JOURNAL
+from interrupted_jobs import interrupting
 from killed_jobs import stack
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -94,3 +95,35 @@ def test_photographs_that_nobody_asked_for_are_not_opened(
     assert jobs.verify(job, inputs=False) == ()
     with pytest.raises(PermissionError):
         jobs.verify(job)
+
+
+@pytest.fixture
+def unfinished(job: Path, tmp_path: Path) -> Path:
+    """A job of which three of four tiles are done, on what is taken for a terminal."""
+    with interrupting(3) as stop:
+        impasto.run(
+            job.parent / "painting.npz", tmp_path / "b.zarr", pooling="none", tile=32, progress=stop
+        )
+    return tmp_path / "b.zarr"
+
+
+def test_a_job_that_goes_on_shows_that_it_compares_its_tiles(
+    unfinished: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    jobs.resume(unfinished, progress=True)
+    assert "comparing finished tiles" in capsys.readouterr().err
+
+
+def test_the_command_shows_that_it_compares_the_tiles_of_a_job(
+    unfinished: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert main(["job", "resume", str(unfinished)]) == 0
+    assert "comparing finished tiles" in capsys.readouterr().err
+
+
+def test_what_counts_tiles_is_not_told_of_bytes(unfinished: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    jobs.resume(unfinished, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(3, 4), (4, 4)]

@@ -7,9 +7,12 @@ import os
 import shutil
 import sys
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +23,7 @@ from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
 from impasto.jobs import inspection, journal
+from impasto.jobs.record import JobRecord
 from interrupted_jobs import interrupting
 from job_photographs import photographs
 from killed_jobs import tree
@@ -257,12 +261,16 @@ def test_a_journal_that_is_begun_while_it_is_read_is_well(
 def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:
     """Files that are being written, and the folder that gets its name, are no findings."""
     out, ended = tmp_path / "a.zarr", threading.Event()
+    seen: list[str] = []
 
     def watched() -> list[object]:
         found: list[object] = []
         while not ended.is_set():
-            with suppress(ArgumentError):  # there is no job yet
-                found += jobs.verify(out)
+            with nullcontext() if seen else suppress(ArgumentError):
+                state = jobs.status(out)
+                if state.tiles:  # it has a record, and from now on always one
+                    seen.append(state.state)
+                    found += jobs.verify(out)
         return found
 
     with ThreadPoolExecutor(1) as pool:
@@ -272,6 +280,66 @@ def test_a_job_that_runs_and_ends_meanwhile_is_well(tmp_path: Path) -> None:
         finally:
             ended.set()
         assert watching.result() == []
+    assert set(seen) <= {"running", "finished"}
+
+
+@pytest.mark.parametrize("call", [jobs.status, jobs.verify, jobs.resume])
+def test_a_job_that_ends_while_it_is_looked_at_is_finished(
+    call: Callable[[Path], object], finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its folder gets its name between being found and being read."""
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    shutil.copytree(finished, partial)
+    find = inspection.folder_of
+
+    def ends(name: str | os.PathLike[str]) -> tuple[Path, bool]:
+        found = find(name)
+        if partial.exists():
+            partial.rename(out)
+        return found
+
+    with monkeypatch.context() as patched:
+        patched.setattr(inspection, "folder_of", ends)
+        seen = call(out)
+    assert seen == call(out)
+    assert jobs.status(out).state == "finished"
+
+
+def test_a_job_that_ends_while_it_is_looked_for_is_found(
+    finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its folder gets its name after that was looked for."""
+    out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
+    shutil.copytree(finished, partial)
+    exists = Path.exists
+
+    def ends(path: Path, **options: Any) -> bool:
+        found = exists(path, **options)
+        if path == out / "job" / "job.json" and partial.is_dir():
+            partial.rename(out)
+        return found
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "exists", ends)
+        assert inspection.folder_of(out) == (out, True)
+
+
+@pytest.mark.parametrize("entries", [{"tile": 2}, {"tile": 1, "shape": (12, 3, 2**30, 2**30)}])
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_tiles_of_a_foreign_record_are_not_looked_for(
+    whole: bool, entries: dict[str, Any], finished: Path, unfinished: Path, tmp_path: Path
+) -> None:
+    """Those in the journal are, and what is too much."""
+    folder = tmp_path / ("a.zarr" if whole else "a.zarr.partial")
+    shutil.copytree(finished if whole else unfinished.with_name(folder.name), folder)
+    record, shard, more = folder / "job/job.json", folder / "normal/c/0/0/1", folder / "normal/more"
+    record.write_bytes(replace(JobRecord.read(record), **entries).to_bytes())
+    flip(shard, "any", np.random.default_rng(3))
+    more.touch()
+    foreign, changed, added = map(str, jobs.verify(tmp_path / "a.zarr"))
+    assert foreign == f"{record}: is not what journal.jsonl beside it belongs to"
+    assert changed.startswith(f"{shard}: has changed: its checksum is")
+    assert added == f"{more}: does not belong to the store"
 
 
 def test_hidden_files_of_others_are_left_alone(unfinished: Path, tmp_path: Path) -> None:

@@ -77,9 +77,9 @@ def budgets(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     found: list[int] = []
     carry_out = repeat.carry_out
 
-    def noted(*given: Any, memory: int, **options: Any) -> Path:
-        found.append(memory)
-        return carry_out(*given, memory=memory, **options)
+    def noted(*given: Any) -> Path:
+        found.append(given[-1].memory)
+        return carry_out(*given)
 
     monkeypatch.setattr(repeat, "carry_out", noted)
     return found

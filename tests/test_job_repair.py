@@ -8,6 +8,7 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ import impasto
 from impasto import CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
 from impasto.io.json_lines import JournalFile, opened_line, read_lines, sealed_line
+from impasto.jobs.record import JobRecord
 from killed_jobs import OPTIONS, stack, tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -63,7 +65,7 @@ def test_another_version_does_not_repeat_a_store(store: Path, tmp_path: Path) ->
     out = tmp_path / "painting.zarr"
     shutil.copytree(store, out)
     record = out / "job/job.json"
-    record.write_text(re.sub(r'"version": "[^"]*"', '"version": "0.0.9"', record.read_text()))
+    record.write_bytes(replace(JobRecord.read(record), version="0.0.9").to_bytes())
     journal = out / "job/journal.jsonl"
     first, *others = journal.read_bytes().splitlines(keepends=True)
     content = opened_line(first) | {"job": hashlib.sha256(record.read_bytes()).hexdigest()}
@@ -114,7 +116,7 @@ def test_a_job_of_another_format_says_what_to_do(store: Path, tmp_path: Path) ->
     out = tmp_path / "painting.zarr"
     shutil.copytree(store, out)
     record = out / "job/job.json"
-    record.write_text(record.read_text().replace('"format": 1', '"format": 0'))
+    record.write_text(record.read_text().replace('"format": 2', '"format": 0'))
     with pytest.raises(CorruptInputError, match=r"has the format 0, .* use the version that made"):
         jobs.status(out)
 

@@ -81,10 +81,12 @@ def test_no_number_in_an_array_makes_numpy_warn(number: np.ndarray[Any, Any]) ->
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fitted = impasto.fit_normals(impasto.Stack(samples, lights=spiral(5), saturation=3.0))
-        coded = impasto.Encoding("srgb", white=255.0).encode(few)
+        curve = impasto.Encoding("srgb", white=255.0)
+        coded, decoded = curve.encode(few), curve.decode(few)
         lit = impasto.Surface(normal, np.full((1, 4, 6), 0.5)).predict(spiral(5))
     assert np.isfinite(fitted.normal[:, 1:]).all()
     assert np.isfinite(coded[1:]).all()
+    assert np.isfinite(decoded[1:]).all()
     assert np.isfinite(lit[..., 1:, :]).all()
 
 

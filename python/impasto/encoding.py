@@ -101,6 +101,7 @@ class Encoding:
         """The curve for people: that of points is ``"measured"``."""
         return "measured" if self.curve.startswith(POINTS) else self.curve
 
+    @quiet_cast()
     def decode(self, coded: ArrayLike) -> NDArray[np.float32]:
         """Linear light from coded values, any shape; full scale becomes 1.0."""
         value = np.asarray(coded, dtype=np.float64) / self.white

@@ -5,17 +5,18 @@ from __future__ import annotations
 import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impasto.errors import ArgumentError, CorruptInputError
 
+Opened = TypeVar("Opened", bound=io.FileIO)
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a pipe"),
@@ -65,7 +66,13 @@ class RegularFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.handle = _opened(path)
+        try:
+            found = _opened(path, Handle)
+        except OSError as error:
+            raise unreadable(path, error) from error
+        if isinstance(found, str):
+            raise _no_file(path, found)
+        self.handle = found
         self.size = os.fstat(self.handle.fileno()).st_size
         self._lock = Lock()
 
@@ -162,32 +169,55 @@ def check_regular(path: Path) -> None:
     ArgumentError
         A folder, a pipe, a device or a socket, or a name that no file can have.
     """
+    if (kind := kind_of(path)) is not None:
+        raise _no_file(path, kind)
+
+
+def content_of(path: Path) -> bytes:
+    """All of a file that impasto wrote itself, such as a note of a job.
+
+    Raises
+    ------
+    CorruptInputError
+        Something else has its name: a folder, a pipe, a device or a socket.
+    OSError
+        The system does not give it, or there is none.
+    """
+    found = _opened(path, io.FileIO)
+    if isinstance(found, str):
+        raise CorruptInputError(path, f"is {found}, not a file; remove it")
+    with found:
+        return found.readall()
+
+
+def kind_of(path: Path) -> str | None:
+    """What a path names that is no file, in words; None: a file, or nothing."""
     try:
         mode = path.stat().st_mode
     except OSError:
-        return
+        return None
     except ValueError as error:
         raise ArgumentError(f"{path}: is no name of a file: it contains a NUL character") from error
-    _refuse(path, mode)
+    return words_of(mode)
 
 
-def _opened(path: Path) -> Handle:
-    check_regular(path)
+def _opened(path: Path, of: Callable[..., Opened]) -> Opened | str:
+    """The file, opened by this class, or in words what else the path names."""
+    if (kind := kind_of(path)) is not None:
+        return kind
     # Whatever takes the place of the file in between is opened without waiting for a writer.
     extra = getattr(os, "O_NONBLOCK", 0)
-    try:
-        handle = Handle(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    try:
-        _refuse(path, os.fstat(handle.fileno()).st_mode)
-    except ArgumentError:
+    handle = of(path, "rb", opener=lambda name, flags: os.open(name, flags | extra))
+    if (kind := words_of(os.fstat(handle.fileno()).st_mode)) is not None:
         handle.close()
-        raise
+        return kind
     return handle
 
 
-def _refuse(path: Path, mode: int) -> None:
-    for has_kind, words in _KINDS:
-        if has_kind(mode):
-            raise ArgumentError(f"{path}: is {words}, not a file; give the name of a file")
+def words_of(mode: int) -> str | None:
+    """What something with this mode is, in words; None: a file."""
+    return next((words for has_kind, words in _KINDS if has_kind(mode)), None)
+
+
+def _no_file(path: Path, kind: str) -> ArgumentError:
+    return ArgumentError(f"{path}: is {kind}, not a file; give the name of a file")

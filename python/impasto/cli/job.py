@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 import signal
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -13,15 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import App, CycloptsError, Parameter
-from rich.markup import escape
 
-from impasto._internal.bars import memory_words, time_words
+from impasto._internal.bars import time_words
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.heap import share_one_heap
 from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import console
 from impasto.cli.codes import Exit
 from impasto.cli.console import Stages
+from impasto.cli.job_pace import PHASES, JobProgress, Pace, pace_words, say_notes
 from impasto.cli.options import Flag, SomeWhole, check_threads
 from impasto.cli.photographs import WholeReading
 from impasto.cli.resuming import (
@@ -48,12 +47,6 @@ if TYPE_CHECKING:
 Pooling: TypeAlias = Literal["auto", "none", "painting", "pixel"]
 """Segments cannot be learned from a sample of the pixels."""
 LABEL_WIDTH = 12
-PHASES = {
-    "reading": "reading the photographs",
-    "learning": "learning from the whole painting",
-    "tiles": "fitting tiles",
-    "scales": "making smaller scales",
-}
 COMMANDS = {
     "run": "Fit a painting tile by tile, or go on with that.",
     "status": "Show how far a job is.",
@@ -274,7 +267,7 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
         and found.pixels_per_second is not None
         and found.seconds_left is not None
     ):
-        rows["pace"] = _pace_words(found.pixels_per_second)
+        rows["pace"] = pace_words(found.pixels_per_second)
         rows["left"] = time_words(found.seconds_left)
     if found.memory is not None:
         rows["memory"] = f"{found.memory / 2**30:.3g} GiB"
@@ -460,7 +453,7 @@ def _worked(
     from impasto.jobs.cluster import LOST, connected, has_workers
 
     share_one_heap()
-    stages, pace = Stages(quiet=quiet), _Pace(out)
+    stages, pace = Stages(quiet=quiet), Pace(out)
     try:
         with (
             terminated_as_interrupted(),
@@ -471,13 +464,7 @@ def _worked(
             if client is not None and not has_workers(client):
                 stages.say("  the scheduler has no workers yet: tiles wait for the first one")
 
-            def progress(done: int, total: int) -> None:
-                if not pace.begun:
-                    _say_notes(stages, out)
-                stage.advance(done, total)
-                stage.show(pace.words(done, total))
-
-            work(progress, client)
+            work(JobProgress(stages, stage, pace, out), client)
             stage.note = pace.summary(out)
     except KeyboardInterrupt:
         console.complain("interrupted")
@@ -505,16 +492,8 @@ def _worked(
     except MemoryError:
         return say_how_to_take_less(out, memory, scheduler, again)
     if not pace.begun:
-        _say_notes(stages, out)
+        say_notes(stages, out)
     return Exit.OK if again else _say_end(stages, out)
-
-
-def _say_notes(stages: Stages, out: Path) -> None:
-    """What was repaired, left out or assumed of the photographs."""
-    from impasto import jobs
-
-    for _, text in jobs.status(out).notes:
-        stages.say(f"  {'':14}[dim]{escape(text)}[/]")
 
 
 def _say_end(stages: Stages, out: Path) -> int:
@@ -530,45 +509,6 @@ def _say_end(stages: Stages, out: Path) -> int:
         return Exit.OK
     stages.say("[yellow]partial:[/] listed photographs are missing; the others were used")
     return Exit.PARTIAL
-
-
-class _Pace:
-    """Pixels per second, time left and memory of a running job, in words."""
-
-    def __init__(self, out: Path) -> None:
-        self._out = out
-        self._start: tuple[float, int] | None = None
-        self._pixels = 0.0
-
-    @property
-    def begun(self) -> bool:
-        """Whether tiles are being fitted."""
-        return self._start is not None
-
-    def words(self, done: int, total: int) -> str:
-        """After a tile."""
-        from impasto import jobs
-
-        now = time.monotonic()
-        if self._start is None:
-            self._start = now, done
-            found = jobs.status(self._out)
-            self._pixels = found.pixels / found.tiles
-        seconds, tiles = now - self._start[0], done - self._start[1]
-        parts = [f"{done} of {total}"]
-        if done == total:
-            parts.append(PHASES["scales"])
-        elif tiles and seconds > 0:
-            parts.append(_pace_words(tiles * self._pixels / seconds))
-            parts.append(f"{time_words((total - done) * seconds / tiles)} left")
-        return ", ".join(filter(None, (*parts, memory_words())))
-
-    def summary(self, out: Path) -> str:
-        """At the end."""
-        from impasto import jobs
-
-        found = jobs.status(out)
-        return f"{found.tiles_done} of {found.tiles}, {found.pixels / 1e6:.3g} Mpx, {out}"
 
 
 @contextmanager
@@ -597,9 +537,3 @@ def terminated_as_interrupted() -> Iterator[None]:
     finally:
         for one, action in before.items():
             signal.signal(one, action)
-
-
-def _pace_words(pixels_per_second: float) -> str:
-    if pixels_per_second < 1e5:
-        return f"{pixels_per_second / 1e3:.3g} kpx/s"
-    return f"{pixels_per_second / 1e6:.3g} Mpx/s"

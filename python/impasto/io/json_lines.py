@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from impasto._internal.damage import DAMAGE
+from impasto._internal.regular import content_of
 from impasto.errors import CorruptInputError
 from impasto.io.files import as_problem_of, sync_folder, sync_handle
 
@@ -59,11 +60,11 @@ def read_lines(path: Path, take: Callable[[dict[str, Any], bytes], None], advice
     ------
     CorruptInputError
         A line that is not as it was written, or that ``take`` refuses; with its number, and
-        ``advice`` after it.
+        ``advice`` after it. Or no file has this name, but a pipe, a folder or a device.
     FileNotFoundError
         There is no file.
     """
-    data = path.read_bytes()
+    data = content_of(path)
     whole = data[: data.rfind(b"\n") + 1]
     for number, line in enumerate(whole.splitlines(keepends=True), start=1):
         try:

@@ -10,7 +10,9 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from pathlib import Path
 from typing import Any, TypeVar
 
+from impasto._internal.damage import DAMAGE
 from impasto._internal.pools import Stop, beside
+from impasto._internal.regular import content_of
 from impasto.errors import ArgumentError
 from impasto.io.files import as_problem_of
 from impasto.jobs.folder import (
@@ -45,6 +47,7 @@ class Beginning:
         self._partial = partial_of(target)
         self._notes = self._partial / NOTES
         self._lock = ExitStack()
+        self._there = False  # the folder, until it is discarded
         self._holds = False
         self._stop = Stop()
         self._last = float("-inf")
@@ -60,6 +63,7 @@ class Beginning:
         if self._target.exists():
             return
         check_own(self._partial)
+        self._there = True
         try:
             self._notes.mkdir(parents=True, exist_ok=True)
             self._lock.enter_context(locked(self._notes))
@@ -76,8 +80,6 @@ class Beginning:
         """Remove what an earlier run has left, which is not to go on."""
         if self._holds and (self._notes / RECORD).exists():
             self.discard()
-            self._holds = False
-            self._lock.close()
             self.take()
 
     def keep_memory(self, memory: int) -> None:
@@ -86,21 +88,30 @@ class Beginning:
             keep_memory(self._notes, memory)
 
     def discard(self) -> None:
-        """Remove the folder with all that is in it."""
+        """Remove the folder with all that is in it; the lock ends with it.
+
+        From then on what has its name is of another process.
+        """
         remove_unfinished(self._partial)
+        self._there = self._holds = False
+        self._lock.close()
 
     def leave(self) -> None:
         """After an error: of a job that has no record yet nothing is left; the lock ends."""
         with suppress(OSError):
-            if self._holds:
-                (self._notes / READING).unlink(missing_ok=True)
-            if not (self._notes / RECORD).exists():
-                if self._holds:
-                    (self._notes / LOCK).unlink(missing_ok=True)
-                self._notes.rmdir()  # refuses where anything is in it
-                if not self._partial.is_symlink():
-                    self._partial.rmdir()
+            if self._there:
+                self._remove_traces()
         self._lock.close()
+
+    def _remove_traces(self) -> None:
+        if self._holds:
+            (self._notes / READING).unlink(missing_ok=True)
+        if not (self._notes / RECORD).exists():
+            if self._holds:
+                (self._notes / LOCK).unlink(missing_ok=True)
+            self._notes.rmdir()  # refuses where anything is in it
+            if not self._partial.is_symlink():
+                self._partial.rmdir()
 
     def close(self) -> None:
         """End the lock."""
@@ -151,13 +162,19 @@ def held(target: Path) -> Iterator[Beginning]:
 
 
 def bytes_read(notes: Path) -> tuple[int, int] | None:
-    """How many bytes of how many have been hashed; None where nobody reads, or has said so."""
+    """How many bytes of how many have been hashed; None where nobody reads, or has said so.
+
+    Raises
+    ------
+    CorruptInputError
+        A pipe, a folder, a device or a socket has the name of the file.
+    """
     try:
-        lines = (notes / READING).read_text(encoding="utf-8").splitlines()
+        lines = content_of(notes / READING).splitlines()
     except OSError:
         return None
     for line in reversed(lines):
-        with suppress(ValueError, KeyError, TypeError):  # the last one is being written
+        with suppress(*DAMAGE):  # the last one is being written
             entry = json.loads(line)
             return int(entry["bytes"]), int(entry["of"])
     return None

@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from impasto._internal.damage import DAMAGE
+from impasto._internal.regular import content_of
 from impasto.errors import CorruptInputError
 
 CHECKSUMS = "checksums.json"
@@ -25,12 +27,12 @@ def read_checksums(path: Path) -> dict[str, str]:
     CorruptInputError
         The file is not as it was written.
     """
-    data = path.read_bytes()
+    data = content_of(path)
     try:
         crcs = json.loads(data)["crc32"]
         right = checksums_file(crcs) == data
         inside = all(not name.startswith("/") and ".." not in name.split("/") for name in crcs)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except DAMAGE as error:
         raise CorruptInputError(path, "is no list of checksums") from error
     if not right or not inside:
         raise CorruptInputError(path, "is not as it was written")

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -128,7 +129,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
     from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 
-    run = uuid4().hex
+    job = replace(job, run=uuid4().hex)
     left = iter(tiles)
     ahead: dict[Any, Tile] = {}
     done: Any = as_completed(loop=client.loop)
@@ -137,7 +138,7 @@ def fit_tiles_on(client: Client, job: SharedJob, tiles: Sequence[Tile], log: Til
     def hand_out() -> None:
         for tile in left:
             # Names of its own: results of another run must not be taken for those of this one.
-            key = f"impasto-tile-{run}-{tile[0]}-{tile[1]}"
+            key = f"impasto-tile-{job.run}-{tile[0]}-{tile[1]}"
             future = client.submit(fit_tile, job, tile, log.wants_numbers, key=key, pure=False)
             ahead[future] = tile
             done.add(future)

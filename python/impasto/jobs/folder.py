@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
 from logging import NullHandler, getLogger
 from pathlib import Path
 
+from impasto._internal.regular import kind_of
 from impasto.errors import ArgumentError, CorruptInputError, ResumeMismatchError
 from impasto.io.files import as_problem_of, atomic_bytes
 from impasto.io.folders import sync_folders
@@ -18,10 +20,11 @@ from impasto.io.results.zarr_store import EMPTY_GROUP
 from impasto.io.temporary import OLD, PARTIAL, is_temporary, temporary_beside
 from impasto.jobs.assembly import complete, is_name
 from impasto.jobs.grid import Grid
-from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
+from impasto.jobs.journal import JOURNAL, Entries, checksum, problem_of, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
 from impasto.jobs.lock import LOCK
 from impasto.jobs.memory import MEMORY
+from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
 
@@ -32,6 +35,8 @@ NOTES = "job"
 RECORD = "job.json"
 READING = "reading.jsonl"
 """How far photographs are read and hashed; there while that lasts."""
+NOTE_FILES = (RECORD, LEARNED, JOURNAL, NUMBERS, READING, LOCK, PACE, MEMORY, METADATA)
+"""All that a job puts among its notes."""
 SUFFIX = ".zarr"
 
 
@@ -172,9 +177,10 @@ def check_finished(target: Path, grid: Grid) -> Entries:
     Raises
     ------
     CorruptInputError
-        An unfinished job under the name of a finished one, or a journal that is damaged, missing or
-        that of another job.
+        An unfinished job under the name of a finished one, a journal that is damaged, missing or
+        that of another job, or a note that is no file.
     """
+    check_notes(target / NOTES)
     try:
         entries = read_journal(target / NOTES / JOURNAL)
     except FileNotFoundError as error:
@@ -224,6 +230,8 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
     ------
     ArgumentError
         A folder in it, or a file of its notes, is a link. The folder itself may be one.
+    CorruptInputError
+        One of its notes is no file.
     """
     for path in partial.rglob("*"):
         if path.is_symlink() and (path.is_dir() or notes in path.relative_to(partial).parts[:-1]):
@@ -231,6 +239,26 @@ def check_own(partial: Path, notes: str = NOTES) -> None:
                 f"out: {path} is a link; a job writes only into its own folder: put what it leads "
                 "to in its place, or begin anew (resume=False, --no-resume)"
             )
+    check_notes(partial / notes)
+
+
+def check_notes(notes: Path) -> None:
+    """Refuse notes of which one is no file: who opens a pipe waits for its other end for ever.
+
+    Raises
+    ------
+    CorruptInputError
+        It is a pipe, a folder, a device or a socket.
+    """
+    for problem in strange_notes(notes):
+        raise problem
+
+
+def strange_notes(notes: Path) -> Iterator[CorruptInputError]:
+    """What :func:`check_notes` raises, for each of them."""
+    for path in (notes / name for name in NOTE_FILES):
+        if (kind := kind_of(path)) is not None:
+            yield CorruptInputError(path, f"is {kind}, not a file; remove it")
 
 
 def clear(partial: Path) -> None:
@@ -240,7 +268,7 @@ def clear(partial: Path) -> None:
             path.unlink()
 
 
-def entries_of(partial: Path, grid: Grid) -> Entries:
+def entries_of(partial: Path, grid: Grid, meter: Meter) -> Entries:
     """The journal of a job, without tiles whose files are not those that it wrote."""
     notes = partial / NOTES
     own = Entries(digest_of(notes / RECORD), digest_of(notes / LEARNED))
@@ -255,10 +283,10 @@ def entries_of(partial: Path, grid: Grid) -> Entries:
             f"is not the learned model that {JOURNAL} beside it belongs to; bring back the file, "
             "or begin anew (resume=False, --no-resume)",
         )
-    return undamaged(found, partial, notes, grid)
+    return undamaged(found, partial, notes, grid, meter)
 
 
-def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries:
+def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid, meter: Meter) -> Entries:
     """What a journal says, without tiles whose files are not those that were written."""
     if problem := numbers_problem(notes, found):
         (notes / NUMBERS).unlink(missing_ok=True)
@@ -268,8 +296,14 @@ def undamaged(found: Entries, partial: Path, notes: Path, grid: Grid) -> Entries
             LOG.warning("tile %s is fitted again: %s %s", again, notes / NUMBERS, problem)
             del found.tiles[again]
     places = set(grid)
+    if found.tiles:
+        meter.begin(partial / name for entry in found.tiles.values() for name in entry.shards)
     for tile, entry in list(found.tiles.items()):
-        lost = [name for name, crc in entry.shards.items() if changed(partial / name, crc)]
+        lost = []
+        for name, crc in entry.shards.items():
+            if problem_of(partial / name, crc) is not None:
+                lost.append(name)
+            meter.read(partial / name)
         if tile not in places or lost:
             LOG.warning("tile %s is fitted again: not as it was written: %s", tile, lost)
             del found.tiles[tile]
@@ -296,11 +330,6 @@ def numbers_problem(notes: Path, entries: Entries) -> str | None:
     if path.is_symlink() or checksum(path) not in known:
         return "is not as it was written"
     return None
-
-
-def changed(path: Path, crc: str) -> bool:
-    """Whether a file is missing or not as it was written."""
-    return path.is_symlink() or not path.is_file() or checksum(path) != crc
 
 
 def finish(

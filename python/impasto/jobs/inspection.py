@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 from impasto._internal.calls import ProgressCallback, reporting
+from impasto._internal.damage import DAMAGE
+from impasto._internal.regular import content_of
 from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.results.maps import MERGE
 from impasto.io.results.zarr_arrays import ZarrArray
@@ -27,15 +30,17 @@ from impasto.jobs.folder import (
     RECORD,
     SUFFIX,
     check_journal,
+    check_notes,
     has_begun,
     numbers_problem,
     partial_of,
     store_name,
+    strange_notes,
 )
-from impasto.jobs.grid import Grid, Tile
-from impasto.jobs.journal import JOURNAL, Entries, checksum, read_journal
+from impasto.jobs.grid import Grid
+from impasto.jobs.journal import JOURNAL, Entries, problem_of, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
-from impasto.jobs.lock import LOCK, holder
+from impasto.jobs.lock import LOCK, Holder, holder
 from impasto.jobs.memory import MEMORY, kept_memory
 from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
@@ -53,6 +58,7 @@ RECENT = 20
 
 
 Phase: TypeAlias = Literal["reading", "learning", "tiles", "scales"]
+Seen = TypeVar("Seen")
 
 
 @dataclass(frozen=True)
@@ -129,12 +135,37 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     """
     partial = partial_of(store_name(out))
     if not (partial / NOTES / RECORD).exists() and (by := holder(partial / NOTES)) is not None:
-        return JobStatus(
-            partial, "running", *by, "reading", 0, 0, 0, 0, *_bytes_read(partial / NOTES),
-            None, None, None, (), True,
-        )  # fmt: skip
-    folder, whole = folder_of(out)
+        return _of_beginning(partial, by)
+    return in_folder_of(out, _status_of)
+
+
+def _of_beginning(partial: Path, by: Holder) -> JobStatus:
+    """Of a job that has no record yet."""
+    read, to_read = bytes_read(partial / NOTES) or (None, None)
+    return JobStatus(
+        folder=partial,
+        state="running",
+        process=by.process,
+        machine=by.machine,
+        phase="reading",
+        tiles_done=0,
+        tiles=0,
+        pixels_done=0,
+        pixels=0,
+        bytes_read=read,
+        bytes_to_read=to_read,
+        pixels_per_second=None,
+        seconds_left=None,
+        memory=None,
+        notes=(),
+        reads_files=True,
+    )
+
+
+def _status_of(folder: Path, whole: bool) -> JobStatus:
+    """Of a job that has one, under the name of a finished store or not."""
     notes = folder / NOTES
+    check_notes(notes)
     record = JobRecord.read(notes / RECORD)
     grid = record.grid
     entries = _entries(notes)
@@ -143,30 +174,28 @@ def status(out: str | os.PathLike[str]) -> JobStatus:
     pixels = grid.rows * grid.columns
     done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
     by = None if whole else holder(notes)
+    read, to_read = (by and bytes_read(notes)) or (None, None)
     pace = None if whole else _pace(notes / PACE)
     left = None if pace is None else (pixels - done) / pace
-    whole = whole and entries is not None and entries.files is not None
+    finished = whole and entries is not None and entries.files is not None
     return JobStatus(
-        folder,
-        "finished" if whole else "interrupted" if by is None else "running",
-        None if by is None else by.process,
-        None if by is None else by.machine,
-        None if by is None else _phase(notes, entries, grid),
-        0 if entries is None else len(entries.tiles),
-        len(grid),
-        done,
-        pixels,
-        *((None, None) if by is None else _bytes_read(notes)),
-        pace,
-        0.0 if whole else left,
-        None if whole else kept_memory(notes),
-        tuple((str(kind), str(text)) for kind, text in record.notes),
-        record.source is not None,
+        folder=folder,
+        state="finished" if finished else "interrupted" if by is None else "running",
+        process=None if by is None else by.process,
+        machine=None if by is None else by.machine,
+        phase=None if by is None else _phase(notes, entries, grid),
+        tiles_done=0 if entries is None else len(entries.tiles),
+        tiles=len(grid),
+        pixels_done=done,
+        pixels=pixels,
+        bytes_read=read,
+        bytes_to_read=to_read,
+        pixels_per_second=pace,
+        seconds_left=0.0 if finished else left,
+        memory=None if finished else kept_memory(notes),
+        notes=tuple((str(kind), str(text)) for kind, text in record.notes),
+        reads_files=record.source is not None,
     )
-
-
-def _bytes_read(notes: Path) -> tuple[int | None, int | None]:
-    return bytes_read(notes) or (None, None)
 
 
 def _phase(notes: Path, entries: Entries | None, grid: Grid) -> Phase:
@@ -235,17 +264,33 @@ def verify(
         meter = Meter(callback)
         if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
             return tuple(sorted(set(_merged_findings(target / CHECKSUMS, meter)), key=str))
-        while True:
-            folder, whole = folder_of(out)
-            try:
-                found = set(_findings(folder, whole, inputs, meter))
-            except FileNotFoundError:
-                if folder.exists():
-                    raise
-                continue
+
+        def look(folder: Path, whole: bool) -> set[Finding]:
+            return set(_findings(folder, whole, inputs, meter))
+
+        return tuple(sorted(in_folder_of(out, look), key=str))
+
+
+def in_folder_of(out: str | os.PathLike[str], look: Callable[[Path, bool], Seen]) -> Seen:
+    """What is seen in the folder of a job, of which ``look`` gets to know whether it is finished.
+
+    It looks again where the job has ended meanwhile, and its folder has another name.
+
+    Raises
+    ------
+    ArgumentError
+        There is no job of that name.
+    """
+    while True:
+        folder, whole = folder_of(out)
+        try:
+            seen = look(folder, whole)
+        except (FileNotFoundError, CorruptInputError):
             if folder.exists():
-                return tuple(sorted(found, key=str))
-            # The job has ended meanwhile, and its folder has another name.
+                raise
+        else:
+            if folder.exists():
+                return seen
 
 
 def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
@@ -257,7 +302,8 @@ def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
         There is no job of that name.
     """
     target = store_name(out)
-    for folder, whole in ((target, True), (partial_of(target), False)):
+    # The finished one once more: it may have got its name since it was looked for.
+    for folder, whole in ((target, True), (partial_of(target), False), (target, True)):
         if (folder / NOTES / RECORD).exists():
             return folder, whole
     if any((folder / MERGE).is_dir() for folder in (target, partial_of(target))):
@@ -300,31 +346,42 @@ def _store_of(record: Path) -> str:
 
 def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator[Finding]:
     notes = folder / NOTES
+    if strange := list(strange_notes(notes)):
+        yield from map(_finding_of, strange)
+        return
+    named: set[str] = set()
     try:
         record = JobRecord.read(notes / RECORD)
     except CorruptInputError as error:
-        yield Finding(str(error.path), error.problem)
-        return
-    read = record.inputs if inputs and record.source is not None else ()
+        yield (finding := _finding_of(error))
+        record = None
+        named.add(finding.file)
+    read = _inputs_of(record, notes) if record is not None and inputs else ()
     meter.begin(chain((Path(one["file"]) for one in read), _written_so_far(folder)))
-    if read:
+    if record is not None and read:
         yield from _changed_inputs(record, meter)
     try:
         entries = _entries(notes)
     except CorruptInputError as error:
-        yield Finding(str(error.path), error.problem)
+        yield _finding_of(error)
         return
     if entries is None:
         if whole:
             yield Finding(str(notes / JOURNAL), "is missing")
         return
-    yield from _foreign(notes, entries)
+    for name, digest in ((RECORD, entries.job), (LEARNED, entries.learned)):
+        foreign = _foreign(notes / name, digest)
+        if foreign is not None and foreign.file not in named:
+            named.add(foreign.file)
+            yield foreign
     known = known_files(entries)
-    yield from changed(folder, known, meter)
+    yield from (one for one in changed_files(folder, known, meter) if one.file not in named)
+    # A record of another job says nothing of the tiles of this one.
+    grid = None if record is None or str(notes / RECORD) in named else record.grid
     own = {*known, f"{NOTES}/{JOURNAL}"}
-    missing: set[Tile] = set() if whole else set(record.grid) - entries.tiles.keys()
     if whole:
-        yield from _lacking(folder, record, entries, known)
+        if grid is not None:
+            yield from _lacking(folder, grid, entries, known)
         if holder(notes) is not None:
             own.add(f"{NOTES}/{LOCK}")  # in a moment the process takes it away
     else:
@@ -333,13 +390,29 @@ def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator
             problem = numbers_problem(notes, read_journal(notes / JOURNAL))
             if problem is not None:
                 yield Finding(str(notes / NUMBERS), problem)
-        if not missing or holder(notes) is not None:
+        complete = grid is not None and all(tile in entries.tiles for tile in grid)
+        if complete or holder(notes) is not None:
             return  # the files beside the tiles are being written, or will be in a moment
         own |= {f"{NOTES}/{name}" for name in UNFINISHED}
     for finding in others(folder, own):
         name = Path(finding.file).relative_to(folder).as_posix()
-        if whole or not _of_a_tile(name, missing):
+        if whole or not _of_an_open_tile(name, grid, entries):
             yield finding
+
+
+def _finding_of(error: CorruptInputError) -> Finding:
+    return Finding(str(error.path), error.problem)
+
+
+def _inputs_of(record: JobRecord, notes: Path) -> Sequence[Mapping[str, Any]]:
+    """The files that the job of the journal has read; of another's record none."""
+    if record.source is None:
+        return ()
+    with suppress(CorruptInputError):  # found when the journal is read for its tiles
+        entries = _entries(notes)
+        if entries is not None and _foreign(notes / RECORD, entries.job) is not None:
+            return ()
+    return record.inputs
 
 
 def _written_so_far(folder: Path) -> Iterator[Path]:
@@ -362,26 +435,21 @@ def _merged_findings(checksums: Path, meter: Meter) -> Iterator[Finding]:
     try:
         known = read_checksums(checksums)
     except CorruptInputError as error:
-        yield Finding(str(error.path), error.problem)
+        yield _finding_of(error)
         return
     folder = checksums.parent
     meter.begin(folder / name for name in known)
-    yield from changed(folder, known, meter, f"in {CHECKSUMS}")
+    yield from changed_files(folder, known, meter, f"in {CHECKSUMS}")
     yield from others(folder, {*known, CHECKSUMS})
 
 
-def changed(
+def changed_files(
     folder: Path, known: Mapping[str, str], meter: Meter, where: str = "in the journal"
 ) -> Iterator[Finding]:
     """Files that are not as their checksums say."""
-    for name, crc in known.items():
-        path = folder / name
-        if not path.is_file():
-            yield Finding(str(path), "is missing")
-        elif path.is_symlink():
-            yield Finding(str(path), "is a link, not the file that was written")
-        elif (found := checksum(path)) != crc:
-            yield Finding(str(path), f"has changed: its checksum is {found}, {where} {crc}")
+    for path, crc in ((folder / name, crc) for name, crc in known.items()):
+        if (problem := problem_of(path, crc, where)) is not None:
+            yield Finding(str(path), problem)
         meter.read(path)
 
 
@@ -394,20 +462,23 @@ def others(folder: Path, own: Set[str]) -> Iterator[Finding]:
             yield Finding(str(path), "does not belong to the store", foreign=True)
 
 
-def _of_a_tile(name: str, missing: set[Tile]) -> bool:
+def _of_an_open_tile(name: str, grid: Grid | None, entries: Entries) -> bool:
     """Whether a file may be of a tile that is not in the journal yet, or is being written."""
     if name.rpartition("/")[2].startswith("."):
         return True
-    found = re.fullmatch(SHARD, name)
-    return found is not None and (int(found["row"]), int(found["column"])) in missing
+    if (found := re.fullmatch(SHARD, name)) is None:
+        return False
+    row, column = tile = int(found["row"]), int(found["column"])
+    inside = grid is None or (row < grid.shape[0] and column < grid.shape[1])
+    return inside and tile not in entries.tiles
 
 
 def _lacking(
-    folder: Path, record: JobRecord, entries: Entries, known: dict[str, str]
+    folder: Path, grid: Grid, entries: Entries, known: dict[str, str]
 ) -> Iterator[Finding]:
     """What the journal of a finished job does not have."""
     journal = str(folder / NOTES / JOURNAL)
-    for tile in record.grid:
+    for tile in grid:
         if tile not in entries.tiles:
             yield Finding(journal, f"has no tile {tile[0]}, {tile[1]}")
     try:
@@ -417,7 +488,7 @@ def _lacking(
         statistics = statistics_of(folder)
         arrays += [] if statistics is None else [statistics]
     except CorruptInputError as error:
-        yield Finding(str(error.path), error.problem)
+        yield _finding_of(error)
         return
     for name in _all_files(arrays):
         if name not in known:
@@ -431,14 +502,13 @@ def _all_files(arrays: list[ZarrArray]) -> Iterator[str]:
     yield from (f"{NOTES}/{name}" for name in (RECORD, LEARNED, NUMBERS))
 
 
-def _foreign(notes: Path, entries: Entries) -> Iterator[Finding]:
-    """Record and learned model that are not those of the journal."""
-    for name, digest in ((RECORD, entries.job), (LEARNED, entries.learned)):
-        path = notes / name
-        if not path.is_file():
-            yield Finding(str(path), "is missing")
-        elif digest_of(path) != digest:
-            yield Finding(str(path), f"is not what {JOURNAL} beside it belongs to")
+def _foreign(path: Path, digest: str) -> Finding | None:
+    """What is wrong with a record or a learned model, of which the journal has the SHA-256."""
+    if not path.is_file():
+        return Finding(str(path), "is missing")
+    if digest_of(path) != digest:
+        return Finding(str(path), f"is not what {JOURNAL} beside it belongs to")
+    return None
 
 
 def _changed_inputs(record: JobRecord, meter: Meter) -> Iterator[Finding]:
@@ -458,7 +528,7 @@ def _changed_input(
     try:
         found = entry_of(path)
     except CorruptInputError as error:
-        return Finding(str(error.path), error.problem)
+        return _finding_of(error)
     if any(found.get(key) != entry[key] for key in ("sha256", "crc32c") if key in entry):
         return Finding(str(path), "has changed since the job read it")
     return None
@@ -490,15 +560,14 @@ def _entries(notes: Path) -> Entries | None:
 def _pace(path: Path) -> float | None:
     """Pixels per second of the last tiles."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()[-RECENT:]
+        lines = content_of(path).splitlines()[-RECENT:]
     except OSError:
         return None
     pixels = seconds = 0.0
     for line in lines:
-        try:
+        with suppress(*DAMAGE):  # it is being written
             entry = json.loads(line)
-            pixels += entry["pixels"]
-            seconds += entry["seconds"]
-        except (ValueError, KeyError, TypeError):
-            continue  # being written
-    return pixels / seconds if seconds > 0 else None
+            more, longer = float(entry["pixels"]), float(entry["seconds"])
+            pixels, seconds = pixels + more, seconds + longer
+    pace = pixels / seconds if seconds > 0 else 0.0
+    return pace if 0.0 < pace < math.inf else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -47,6 +47,7 @@ from impasto.jobs.journal import JOURNAL, Journal
 from impasto.jobs.learning import LEARNED, FitOptions, border_of, checked_fit, learned_from
 from impasto.jobs.lock import release
 from impasto.jobs.memory import keep_memory
+from impasto.jobs.meter import Meter
 from impasto.jobs.photographs import (
     Photographs,
     check_source,
@@ -134,7 +135,8 @@ def run(
         a ``client`` that counts for this process, which learns and makes the smaller scales; a
         worker has the threads that it was started with.
     progress
-        True: a bar on stderr; or a callable ``(done, total)`` in tiles.
+        True: a bar on stderr, also while finished tiles of a job that goes on are compared with
+        their checksums; or a callable ``(done, total)`` in tiles.
     **fit
         Options of :func:`impasto.learn_sbrdf`: model, pooling, lobes, ambient, coated, extraction,
         peak, joint, index, normals, refine, residuals, relief and effort.
@@ -220,22 +222,22 @@ def run(
             own.keep_memory(budget)
         if not go_on:
             own.anew()
-        return carry_out(
-            record, photographs, target, own,
-            memory=budget, client=client, threads=threads, progress=progress,
-        )  # fmt: skip
+        means = Means(budget, client, threads, progress)
+        return carry_out(record, photographs, target, own, means)
+
+
+@dataclass(frozen=True)
+class Means:
+    """With what a job is done, as :func:`run` takes it; its result depends on none of it."""
+
+    memory: int
+    client: Client | None
+    threads: int | None
+    progress: bool | ProgressCallback
 
 
 def carry_out(
-    record: JobRecord,
-    photographs: Photographs,
-    target: Path,
-    own: Beginning,
-    *,
-    memory: int,
-    client: Client | None = None,
-    threads: int | None = None,
-    progress: bool | ProgressCallback = False,
+    record: JobRecord, photographs: Photographs, target: Path, own: Beginning, means: Means
 ) -> Path:
     """Bring a job to its end, from wherever it is; see :func:`run`.
 
@@ -247,29 +249,18 @@ def carry_out(
         release(target / NOTES)
         return target
     partial = partial_of(target)
-    begun = (partial / NOTES / RECORD).exists()
+    is_new = not (partial / NOTES / RECORD).exists()
     try:
-        return _carried_out(
-            record, photographs, target, own,
-            memory=memory, client=client, threads=threads, progress=progress,
-        )  # fmt: skip
+        return _carried_out(record, photographs, target, own, means)
     except GeometryError:
         # No job can come of these lights; one of others would be refused for the sake of this.
-        if not begun and not has_tiles(partial / NOTES):
+        if is_new and not has_tiles(partial / NOTES):
             own.discard()
         raise
 
 
 def _carried_out(
-    record: JobRecord,
-    photographs: Photographs,
-    target: Path,
-    own: Beginning,
-    *,
-    memory: int,
-    client: Client | None,
-    threads: int | None,
-    progress: bool | ProgressCallback,
+    record: JobRecord, photographs: Photographs, target: Path, own: Beginning, means: Means
 ) -> Path:
     partial = partial_of(target)
     notes = partial / NOTES
@@ -283,8 +274,8 @@ def _carried_out(
             record.fit,
             record.sample,
             max(record.tile, record.sample),
-            threads=threads,
-            progress=progress,
+            threads=means.threads,
+            progress=means.progress,
             check=check,
         )
 
@@ -293,7 +284,7 @@ def _carried_out(
         inputs = record.inputs or own.hashes(photographs)
         _refuse_changed(photographs)
         atomic_bytes(notes / RECORD, replace(record, inputs=inputs).to_bytes())
-        keep_memory(notes, memory)
+        keep_memory(notes, means.memory)
         with as_problem_of(partial):
             sync_folder(partial)
             sync_folder(partial.parent)
@@ -313,9 +304,13 @@ def _carried_out(
         learn().save(notes / LEARNED)
     model = load_learned(notes / LEARNED)
     grid = record.grid
+    with reporting(
+        _of_comparing(means.progress), "comparing finished tiles", whole=True
+    ) as callback:
+        entries = entries_of(partial, grid, Meter(callback))
     with (
-        closing(Journal(notes / JOURNAL, entries_of(partial, grid))) as journal,
-        reporting(progress, "tiles") as callback,
+        closing(Journal(notes / JOURNAL, entries)) as journal,
+        reporting(means.progress, "tiles") as callback,
     ):
         done = journal.entries.tiles
 
@@ -330,19 +325,17 @@ def _carried_out(
             lambda tile: _refuse_changed(photographs, grid.window(tile, model.halo)),
         )  # fmt: skip
         missing = [tile for tile in grid if tile not in done]
-        if client is None:
+        if means.client is None:
             fit_tiles(
                 photographs, model, partial, grid, missing, log,
-                precision=record.precision, threads=threads,
+                precision=record.precision, threads=means.threads,
             )  # fmt: skip
         else:
-            begun = journal.entries
-            job = SharedJob(partial.absolute(), begun.job, begun.learned, memory)
-            fit_tiles_on(client, job, missing, log)
+            job = SharedJob(partial.absolute(), entries.job, entries.learned, means.memory)
+            fit_tiles_on(means.client, job, missing, log)
             clear(partial)  # of workers that died
-        entries = journal.entries
     _refuse_changed(photographs)
-    finish(partial, grid, entries, record.precision, threads)
+    finish(partial, grid, entries, record.precision, means.threads)
     with as_problem_of(target):
         partial.rename(target)
         # Not before: another process could take a lock of its own.
@@ -350,6 +343,14 @@ def _carried_out(
         sync_folder(target / NOTES)
         sync_folder(target.parent)
     return target
+
+
+def _of_comparing(progress: bool | ProgressCallback) -> bool | ProgressCallback:
+    """Who is told how many bytes of finished tiles are compared: a callable counts tiles.
+
+    One that counts these, too, has a method for it.
+    """
+    return getattr(progress, "comparing", False) if callable(progress) else progress
 
 
 def _refuse_changed(photographs: Photographs, window: Window | None = None) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from impasto._internal.regular import kind_of
 from impasto.errors import CorruptInputError
 from impasto.io.json_lines import JournalFile, crc_of, read_lines, sealed_line
 from impasto.jobs.grid import Grid, Tile
@@ -145,6 +146,23 @@ def checksum(path: Path) -> str:
         while data := file.read(CHUNK):
             found = zlib.crc32(data, found)
     return f"{found:08x}"
+
+
+def problem_of(path: Path, crc: str, where: str = "in the journal") -> str | None:
+    """What is wrong with a file that had this checksum when it was written; None: nothing.
+
+    Parameters
+    ----------
+    where
+        The checksum stands, for the message.
+    """
+    if not path.is_file():
+        return "is missing" if (kind := kind_of(path)) is None else f"is {kind}, not a file"
+    if path.is_symlink():
+        return "is a link, not the file that was written"
+    if (found := checksum(path)) != crc:
+        return f"has changed: its checksum is {found}, {where} {crc}"
+    return None
 
 
 def _checksums(content: Mapping[str, Any]) -> dict[str, str]:

@@ -10,6 +10,7 @@ from typing import Any, TypedDict, get_type_hints
 
 from impasto._internal.calls import ProgressCallback
 from impasto._internal.checks import one_of, suggestion, truth
+from impasto._internal.regular import content_of
 from impasto.effort import Effort, EffortLike, resolved
 from impasto.errors import ArgumentError
 from impasto.fit.learning import LearnedModel, learn_sbrdf
@@ -115,4 +116,4 @@ def learned_from(
 
 def digest_of(path: Path) -> str:
     """SHA-256 of a small file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(content_of(path)).hexdigest()

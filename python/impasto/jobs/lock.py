@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from impasto.errors import ArgumentError, ImpastoError
+from impasto._internal.regular import words_of
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoError
 from impasto.io.files import as_problem_of
 
 LOCK = "lock"
@@ -43,6 +44,8 @@ def locked(folder: Path) -> Iterator[None]:
     ------
     ArgumentError
         Another process holds it.
+    CorruptInputError
+        A pipe, a device or a socket has its name.
     ImpastoError
         The system has no such locks.
     """
@@ -52,7 +55,7 @@ def locked(folder: Path) -> Iterator[None]:
         raise ImpastoError("jobs need locks of POSIX systems, which this one has not") from error
     path = folder / LOCK
     with as_problem_of(path):
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        handle = _opened(path, os.O_RDWR | os.O_CREAT)
     try:
         for last in (*[False] * TRIES, True):
             try:
@@ -80,6 +83,15 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
+def _opened(path: Path, flags: int) -> int:
+    """The file of a lock; a pipe of its name is not waited for, a link not followed."""
+    handle = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    if (kind := words_of(os.fstat(handle).st_mode)) is not None:
+        os.close(handle)
+        raise CorruptInputError(path, f"is {kind}, not a file; remove it")
+    return handle
+
+
 def _written_in(handle: int) -> Holder:
     """What a process has written into its lock."""
     lines = os.pread(handle, LONGEST, 0).decode(errors="replace").splitlines()
@@ -99,13 +111,19 @@ def release(folder: Path) -> None:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Who holds the lock of a folder; None if nobody does, or there are no locks here."""
+    """Who holds the lock of a folder; None if nobody does, or there are no locks here.
+
+    Raises
+    ------
+    CorruptInputError
+        A pipe, a folder, a device or a socket has the name of the lock.
+    """
     try:
         import fcntl
     except ImportError:
         return None
     try:
-        handle = os.open(folder / LOCK, os.O_RDONLY)
+        handle = _opened(folder / LOCK, os.O_RDONLY)
     except OSError:
         return None
     try:

@@ -6,6 +6,8 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
+from impasto._internal.damage import DAMAGE
+from impasto._internal.regular import content_of
 from impasto.io.files import atomic_bytes
 
 MEMORY = "memory.json"
@@ -20,7 +22,7 @@ def keep_memory(notes: Path, memory: int) -> None:
 
 def kept_memory(notes: Path) -> int | None:
     """The bytes that a job could take last; None where nobody has said so, or not legibly."""
-    with suppress(OSError, ValueError, KeyError, TypeError, OverflowError):
-        kept = int(json.loads((notes / MEMORY).read_bytes())["bytes"])
+    with suppress(OSError, *DAMAGE):
+        kept = int(json.loads(content_of(notes / MEMORY))["bytes"])
         return kept if kept > 0 else None
     return None

@@ -12,13 +12,17 @@ from typing import Any, Self
 import numpy as np
 
 from impasto._internal.damage import DAMAGE
+from impasto._internal.regular import content_of
 from impasto.encoding import Encoding
 from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.results.precision import Precision, checked_precision
+from impasto.io.json_lines import CHECK, crc_of
+from impasto.io.results.precision import Precision
 from impasto.jobs.grid import Grid
+from impasto.jobs.record_entries import wrong_entry
 
-FORMAT = 1
-"""Version of the format; increased when an entry changes its meaning."""
+UNSEALED, FORMAT = 1, 2
+"""Versions of the format: without a checksum, and with one. The journal of a finished store has a
+checksum of its record, too, so that one without is still read."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +80,12 @@ class JobRecord:
         return Encoding(*self.encoding)
 
     def to_bytes(self) -> bytes:
-        """The file; the same for the same job, whenever and wherever it runs."""
-        text = json.dumps(asdict(self), indent=2, sort_keys=True, allow_nan=False)
-        return (text + "\n").encode()
+        """The file; the same for the same job, whenever and wherever it runs.
+
+        It has a checksum of its own: the journal, which has another one, only begins when the model
+        is learned.
+        """
+        return _sealed(asdict(self))
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -90,34 +97,38 @@ class JobRecord:
             A file that is damaged or something else.
         """
         try:
-            content = json.loads(path.read_bytes())
-            content["shape"] = tuple(int(size) for size in content["shape"])
-            curve, white = content["encoding"]
-            content["encoding"] = (str(curve), float(white))
-            found = cls(**content)
-            numbers = (*found.shape, found.tile, found.sample)
-            whole = len(found.shape) == 4 and all(type(one) is int and one > 0 for one in numbers)
-            named = all(
-                type(one["file"]) is str and type(one.get("sha256", one.get("crc32c"))) is str
-                for one in found.inputs
-            )
-            named = named and all(len(note) == 2 for note in found.notes)
-            if not (whole and named and isinstance(found.fit, dict)):
-                raise ValueError("an entry is of the wrong kind")
-            checked_precision(found.precision)
+            data = content_of(path)
+            content = json.loads(data)
+            if type(content) is not dict or type(version := content.get("format")) is not int:
+                raise ValueError("it has no format")
+        except CorruptInputError:
+            raise
         except (*DAMAGE, OSError) as error:
             raise CorruptInputError(path, f"is no record of a job ({error})") from error
-        if found.format != FORMAT:
+        if version not in (UNSEALED, FORMAT):
             raise CorruptInputError(
                 path,
-                f"has the format {found.format}, this version of impasto reads {FORMAT}: use the "
+                f"has the format {version}, this version of impasto reads {FORMAT}: use the "
                 "version that made it, or fit the painting anew",
             )
-        return found
+        if not _is_as_written(content, data):
+            raise CorruptInputError(
+                path, "is not as it was written; bring back the file, or fit the painting anew"
+            )
+        content.pop(CHECK, None)
+        if (name := wrong_entry(content)) is not None:
+            found = _shown(content[name]) if name in content else "no such entry"
+            raise CorruptInputError(
+                path, f"is no record of a job ({name}: found {found}, which no job writes)"
+            )
+        content["shape"] = tuple(content["shape"])
+        content["encoding"] = tuple(content["encoding"])
+        return cls(**content)
 
     def _by_file(self) -> dict[str, Any]:
         """The record with its inputs by their names, not by their numbers."""
         content: dict[str, Any] = json.loads(self.to_bytes())
+        content.pop(CHECK, None)
         content["inputs"] = {one.pop("file"): one for one in content["inputs"]}
         return content
 
@@ -127,6 +138,25 @@ class JobRecord:
         files = list(_file_differences(one.pop("inputs"), two.pop("inputs")))
         notes = {"notes": one.pop("notes")}, {"notes": two.pop("notes")}
         return [*_differences(one, two), *files] or list(_differences(*notes))
+
+
+def _sealed(content: Mapping[str, Any]) -> bytes:
+    """The file of these entries, with the checksum of their text among them."""
+    text = _text(content)
+    return text if content["format"] == UNSEALED else _text({**content, CHECK: crc_of(text)})
+
+
+def _text(content: Mapping[str, Any]) -> bytes:
+    text = json.dumps(content, indent=2, sort_keys=True, allow_nan=False)
+    return (text + "\n").encode()
+
+
+def _is_as_written(content: dict[str, Any], data: bytes) -> bool:
+    entries = {name: value for name, value in content.items() if name != CHECK}
+    try:
+        return _sealed(entries) == data
+    except DAMAGE:  # NaN, which the parser takes and no record has
+        return False
 
 
 def plain(value: Any, name: str) -> Any:

@@ -19,6 +19,7 @@ from impasto.jobs.folder import (
     NOTES,
     RECORD,
     check_finished,
+    check_notes,
     checked_target,
     earlier_record,
     partial_of,
@@ -26,8 +27,9 @@ from impasto.jobs.folder import (
     refuse_differences,
 )
 from impasto.jobs.grid import bytes_of, in_words
-from impasto.jobs.inspection import folder_of
-from impasto.jobs.job import carry_out
+from impasto.jobs.inspection import in_folder_of
+from impasto.jobs.job import Means, carry_out
+from impasto.jobs.kept_options import check_options
 from impasto.jobs.learning import border_of
 from impasto.jobs.memory import kept_memory
 from impasto.jobs.photographs import Photographs, open_photographs
@@ -80,15 +82,15 @@ def resume(
     ClusterError
         As in :func:`impasto.run`.
     """
-    folder, whole = folder_of(out)
-    record = JobRecord.read(folder / NOTES / RECORD)
+    folder, whole, record = in_folder_of(out, _found)
     if whole:
         check_finished(folder, record.grid)
         return folder
     target = checked_target(out)
     if memory is None:
         memory = kept_memory(folder / NOTES) or DEFAULT_MEMORY
-    return _repeated(record, target, source, target, memory, client, threads, progress)
+    means = Means(bytes_of(memory), checked_client(client, source), threads, progress)
+    return _repeated(record, target, source, target, means)
 
 
 def rerun(
@@ -132,18 +134,18 @@ def rerun(
     ClusterError
         As in :func:`impasto.run`.
     """
-    folder, whole = folder_of(out)
+    folder, whole, record = in_folder_of(out, _found)
     target = checked_target(into)
     if not whole:
         raise ArgumentError(f"out: {out} is not finished: resume it first")
     if target.exists() and target.samefile(folder):
         raise ArgumentError(f"into: {target} is the store itself; give another name")
-    record = JobRecord.read(folder / NOTES / RECORD)
     # One that was interrupted goes on.
     earlier = earlier_record(target, partial_of(target), resume=True)
     if earlier is not None:
         refuse_differences(earlier, record, target, "into")
-    made = _repeated(record, folder, source, target, memory, client, threads, progress)
+    means = Means(bytes_of(memory), checked_client(client, source), threads, progress)
+    made = _repeated(record, folder, source, target, means)
     names = {
         path.relative_to(store).as_posix()
         for store in (folder, made)
@@ -153,18 +155,24 @@ def rerun(
     return tuple(sorted(name for name in names if _differ(folder / name, made / name)))
 
 
+def _found(folder: Path, whole: bool) -> tuple[Path, bool, JobRecord]:
+    """The folder of a job, whether it is finished, and its record."""
+    check_notes(folder / NOTES)
+    return folder, whole, JobRecord.read(folder / NOTES / RECORD)
+
+
 def _repeated(
     record: JobRecord,
     store: Path,
     source: Stack | Photographs | None,
     target: Path,
-    memory: str | int,
-    client: Client | None,
-    threads: int | None,
-    progress: bool | ProgressCallback,
+    means: Means,
 ) -> Path:
     """The job of the record of a store, with the photographs as they are now."""
     need_zarr()
+    # At once: another version may not know these options, and hashing takes long.
+    refuse_changes(record, replace(record, version=build_name()), store)
+    check_options(record, store / NOTES / RECORD)
     if record.source is None and source is None:
         raise ArgumentError(
             "source: this job is one of a stack in memory, which its folder does not hold; give "
@@ -172,19 +180,17 @@ def _repeated(
         )
     if record.source is not None and source is not None:
         raise ArgumentError(f"source: this job reads {record.source}; leave source out")
-    client = checked_client(client, source)
-    budget = bytes_of(memory)
     with held(target) as own:
         photographs = open_photographs(
             record.source if source is None else source,
             record.reading,
-            budget // 2,
+            means.memory // 2,
             record.curve,
         )
         # Not before there is room for it.
-        own.keep_memory(budget)
+        own.keep_memory(means.memory)
         if store == target:
-            _warn_of_memory(budget // 2, photographs, record)
+            _warn_of_memory(means.memory // 2, photographs, record)
         curve = photographs.encoding
         found = replace(
             record,
@@ -195,10 +201,7 @@ def _repeated(
             notes=photographs.notes,
         )
         refuse_changes(record, found, store)
-        return carry_out(
-            found, photographs, target, own,
-            memory=budget, client=client, threads=threads, progress=progress,
-        )  # fmt: skip
+        return carry_out(found, photographs, target, own, means)
 
 
 def _warn_of_memory(memory: int, photographs: Photographs, record: JobRecord) -> None:

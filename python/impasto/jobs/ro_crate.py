@@ -22,7 +22,7 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
-from impasto.jobs.inspection import changed, folder_of, known_files, others
+from impasto.jobs.inspection import changed_files, folder_of, known_files, others
 from impasto.jobs.journal import JOURNAL, Entries
 from impasto.jobs.lock import LOCK
 from impasto.jobs.meter import Meter
@@ -123,11 +123,11 @@ def _checked_files(store: Path, entries: Entries, meter: Meter) -> list[str]:
     """
     own = {f"{NOTES}/{JOURNAL}", *(entries.files or {})}
     meter.begin(store / name for name in known_files(entries))
-    found = [(finding, "") for finding in changed(store, entries.files or {}, meter)]
+    found = [(finding, "") for finding in changed_files(store, entries.files or {}, meter)]
     for (row, column), entry in entries.tiles.items():
         own |= entry.shards.keys()
         place = f" (the tile in row {row} and column {column})"
-        found += [(finding, place) for finding in changed(store, entry.shards, meter)]
+        found += [(finding, place) for finding in changed_files(store, entry.shards, meter)]
     if found:
         first, place = found[0]
         more = _others(len(found) - 1, "so is", "so are")

@@ -6,13 +6,14 @@ import gc
 import os
 import socket
 import threading
+from collections import deque
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from impasto._internal.build import build_name
-from impasto.errors import ArgumentError, ImpastoError
+from impasto.errors import ArgumentError, ClusterError, ImpastoError
 from impasto.fit.learning import LearnedModel, load_learned
 from impasto.jobs.folder import NOTES, RECORD
 from impasto.jobs.grid import Tile
@@ -37,12 +38,15 @@ class SharedJob:
         SHA-256 of the files of the record and of the learned model.
     memory
         Bytes for the samples and maps of a worker.
+    run
+        Tells this call from an earlier one that the same job was interrupted in.
     """
 
     folder: Path
     record: str
     learned: str
     memory: int
+    run: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,8 +69,13 @@ class _Slots:
 
 
 _OPENING = threading.Lock()
+_KEEPING = threading.Lock()
+"""Not the same: a worker that releases a job, on the thread that talks to its scheduler, does not
+wait for photographs that are being opened."""
 _KEPT: dict[SharedJob, _Opened] = {}
 """The job whose photographs are open: one at most."""
+_RELEASED: deque[SharedJob] = deque(maxlen=64)
+"""The last jobs that have ended; cancelled tiles of theirs may still come to their turn."""
 
 
 def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
@@ -85,6 +94,8 @@ def fit_tile(job: SharedJob, tile: Tile, numbers: bool) -> WrittenTile:
     ArgumentError
         The worker does not see the folder of the job or its photographs as the calling process
         does.
+    ClusterError
+        The job has ended meanwhile; nobody waits for the tile.
     """
     from distributed import get_worker
 
@@ -115,18 +126,33 @@ def _slots(address: str) -> _Slots:
 def release(job: SharedJob) -> None:
     """Close the photographs of a job that has ended.
 
-    A tile that is still being fitted keeps them until it is done.
+    A tile that has them keeps them until it is done; one that has not is refused.
     """
-    if _KEPT.pop(job, None) is not None:
+    with _KEEPING:
+        _RELEASED.append(job)
+        kept = _KEPT.pop(job, None)
+    if kept is not None:
+        del kept
         gc.collect()
 
 
 def _opened(job: SharedJob) -> _Opened:
-    found = _KEPT.get(job)
+    with _KEEPING:
+        found = _KEPT.get(job)
+        if found is None:
+            _refuse_released(job)
+            _KEPT.clear()
     if found is None:
-        _KEPT.clear()
-        found = _KEPT[job] = _open(job)
+        found = _open(job)
+        with _KEEPING:
+            _refuse_released(job)  # while they were opened
+            _KEPT[job] = found
     return found
+
+
+def _refuse_released(job: SharedJob) -> None:
+    if job in _RELEASED:
+        raise ClusterError(f"client: the job of {job.folder} has ended, of which this is a tile")
 
 
 def _open(job: SharedJob) -> _Opened:

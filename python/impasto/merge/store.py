@@ -22,10 +22,11 @@ from impasto.io.results.zarr_arrays import METADATA
 from impasto.jobs.assembly import complete, files_of_tile
 from impasto.jobs.checksums import CHECKSUMS, checksums_file, read_checksums
 from impasto.jobs.folder import NOTES as OF_A_JOB
-from impasto.jobs.folder import changed, check_own, clear, has_begun, partial_of, undamaged
+from impasto.jobs.folder import check_own, clear, has_begun, partial_of, undamaged
 from impasto.jobs.grid import Grid
-from impasto.jobs.journal import JOURNAL, Entries, Journal, read_journal
+from impasto.jobs.journal import JOURNAL, Entries, Journal, problem_of, read_journal
 from impasto.jobs.lock import LOCK, locked, release
+from impasto.jobs.meter import Meter
 from impasto.jobs.tiles import NUMBERS, PACE, EncodedTile, TileLog
 from impasto.merge.blend import Mosaic
 from impasto.merge.frames import Frame
@@ -139,7 +140,7 @@ def _entries(partial: Path, grid: Grid, merge: str) -> Entries:
     found = read_journal(notes / JOURNAL)
     if found.job != merge:
         raise _another(partial)
-    return undamaged(found, partial, notes, grid)
+    return undamaged(found, partial, notes, grid, Meter(None))
 
 
 def _is_whole(partial: Path, merge: str) -> bool:
@@ -162,7 +163,7 @@ def _is_whole(partial: Path, merge: str) -> bool:
         if not has_begun(partial / NOTES):
             raise _another(partial)
         return False
-    return not any(changed(partial / name, crc) for name, crc in crcs.items())
+    return all(problem_of(partial / name, crc) is None for name, crc in crcs.items())
 
 
 def _group(merge: str) -> bytes:
