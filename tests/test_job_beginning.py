@@ -294,3 +294,28 @@ def test_what_is_no_photographs_is_refused_with_what_to_do(tmp_path: Path) -> No
         with pytest.raises(ArgumentError, match=r"source: a job cannot read a .*; expected the"):
             impasto.run(other, tmp_path / "a.zarr", pooling="none")  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_that_was_forked_does_not_hold_a_job_that_has_ended(tmp_path: Path) -> None:
+    """As ``multiprocessing`` forks one, which lives on where a job is interrupted."""
+    path, out = photographs(tmp_path), tmp_path / "painting.zarr"
+    children: list[int] = []
+
+    def interrupt(done: int, _: int) -> None:
+        if done and not children:
+            child = os.fork()
+            if child == 0:
+                time.sleep(60.0)
+                os._exit(0)
+            children.append(child)
+            raise KeyboardInterrupt
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            impasto.run(path, out, **OPTIONS | {"progress": interrupt})
+        assert jobs.status(out).state == "interrupted"
+        assert begun(path, out).is_dir()
+    finally:
+        for child in children:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)

@@ -22,6 +22,7 @@ from failing_steps import OPTIONS
 from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
+from impasto.io.json_lines import sealed_line
 from impasto.jobs import inspection, journal
 from impasto.jobs.record import JobRecord
 from interrupted_jobs import interrupting
@@ -103,6 +104,31 @@ def test_a_job_does_not_go_on_with_a_changed_bit(
         with pytest.raises((CorruptInputError, ResumeMismatchError), match=str(tmp_path)):
             jobs.resume(out, source=small_stack())
         assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        b"torn off",
+        sealed_line({"numbers": "00000000"}),
+        None,
+        sealed_line({"tile": [5, 5], "estimated": 1, "shards": {}}),
+    ],
+    ids=["torn", "numbers", "a tile again", "a tile beyond"],
+)
+def test_nothing_follows_the_last_line_of_a_finished_journal(
+    more: bytes | None, finished: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "a.zarr"
+    shutil.copytree(finished, out)
+    journal = out / "job" / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join([*lines, lines[1] if more is None else more]))
+    assert f"{journal}: has more than the lines of a finished job" in map(str, jobs.verify(out))
+    with pytest.raises(CorruptInputError, match="is not finished; rename it to"):
+        jobs.resume(out, source=small_stack())
+    out.rename(tmp_path / "a.zarr.partial")
+    assert tree(jobs.resume(out, source=small_stack())) == tree(finished)
 
 
 def test_numbers_of_an_unfinished_job_are_made_again(

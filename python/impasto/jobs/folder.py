@@ -186,7 +186,7 @@ def check_finished(target: Path, grid: Grid) -> Entries:
     except FileNotFoundError as error:
         raise CorruptInputError(target / NOTES / JOURNAL, "is missing") from error
     check_journal(target / NOTES, entries)
-    if entries.files is None or len(entries.tiles) != len(grid):
+    if not entries.ended or len(entries.tiles) != len(grid):
         raise CorruptInputError(
             target, f"is not finished; rename it to {partial_of(target).name} and resume the job"
         )

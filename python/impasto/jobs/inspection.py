@@ -478,6 +478,11 @@ def _lacking(
 ) -> Iterator[Finding]:
     """What the journal of a finished job does not have."""
     journal = str(folder / NOTES / JOURNAL)
+    if entries.files is not None and not entries.ended:
+        yield Finding(journal, "has more than the lines of a finished job")
+    for row, column in entries.tiles:
+        if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
+            yield Finding(journal, f"has a tile {row}, {column} beyond the painting")
     for tile in grid:
         if tile not in entries.tiles:
             yield Finding(journal, f"has no tile {tile[0]}, {tile[1]}")

@@ -56,6 +56,8 @@ class Entries:
         CRC-32 of all other files; None while the job runs.
     length
         Bytes of the file up to the end of its last whole line.
+    ended
+        Whether the checksums of all other files are its last line, and nothing follows.
     """
 
     job: str
@@ -64,6 +66,7 @@ class Entries:
     numbers: list[str] = field(default_factory=list)
     files: dict[str, str] | None = None
     length: int = 0
+    ended: bool = False
 
     def to_bytes(self, grid: Grid) -> bytes:
         """The whole file, tiles in the order of the grid."""
@@ -106,12 +109,14 @@ def read_journal(path: Path) -> Entries:
             row, column = (int(at) for at in content["tile"])
             shards = _checksums(content["shards"])
             found.tiles[row, column] = TileEntry(int(content["estimated"]), shards)
+        found.ended = "files" in content
         before = zlib.crc32(line, before)
 
     length = read_lines(path, take)
     if found is None:
         raise CorruptInputError(path, "is no journal of a job")
     found.length = length
+    found.ended = found.ended and path.stat().st_size == length
     return found
 
 

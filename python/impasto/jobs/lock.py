@@ -6,7 +6,7 @@ import os
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,7 +53,7 @@ def locked(folder: Path) -> Iterator[None]:
         import fcntl
     except ImportError as error:
         raise ImpastoError("jobs need locks of POSIX systems, which this one has not") from error
-    path = folder / LOCK
+    path, owner = folder / LOCK, os.getpid()
     with as_problem_of(path):
         handle = _opened(path, os.O_RDWR | os.O_CREAT)
     try:
@@ -80,6 +80,10 @@ def locked(folder: Path) -> Iterator[None]:
             os.pwrite(handle, f"{os.getpid()}\n{socket.gethostname()}\n".encode(), 0)
         yield
     finally:
+        # A process that was forked meanwhile has the lock, too, and may live on.
+        if os.getpid() == owner:
+            with suppress(OSError):
+                fcntl.flock(handle, fcntl.LOCK_UN)
         os.close(handle)
 
 
