@@ -151,6 +151,7 @@ def test_a_record_without_a_checksum_is_read(copy: Path) -> None:
     sealed(copy, format=UNSEALED)
     assert "crc" not in json.loads(copy.read_text())
     assert JobRecord.read(copy) == replace(before, format=UNSEALED)
+    assert JobRecord.read(copy).differences(before) == []
     assert jobs.status(copy.parents[1]).tiles == len(before.grid)
     changed(copy, f'"format": {UNSEALED}', f'"format": {UNSEALED + 1}')
     with pytest.raises(CorruptInputError, match="is not as it was written"):

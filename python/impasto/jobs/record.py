@@ -128,7 +128,8 @@ class JobRecord:
     def _by_file(self) -> dict[str, Any]:
         """The record with its inputs by their names, not by their numbers."""
         content: dict[str, Any] = json.loads(self.to_bytes())
-        content.pop(CHECK, None)
+        for name in (CHECK, "format"):  # of the file, not of the job
+            content.pop(name, None)
         content["inputs"] = {one.pop("file"): one for one in content["inputs"]}
         return content
 
