@@ -186,12 +186,13 @@ def test_the_command_line_joins_a_running_scheduler(
     assert main([*words, "--scheduler", cluster.scheduler_address, "--quiet"]) == 0
     assert tree(out) == expected
     monkeypatch.setattr(client_side, "PATIENCE", 0.5)
-    for scheduler in ("tcp://127.0.0.1:9", str(tmp_path / "none.json"), "xyz://"):
+    missing = str(tmp_path / "none.json")
+    for scheduler in ("tcp://127.0.0.1:9", missing, "xyz://"):
         words[4] = str(tmp_path / "b.zarr")
         assert main([*words, "--scheduler", scheduler, "--quiet"]) == 1
-        assert f"no Dask scheduler answers at {scheduler}" in " ".join(
-            capsys.readouterr().err.split()
-        )
+        said = f"no Dask scheduler answers at {scheduler}"
+        said = f"{missing} does not exist" if scheduler == missing else said
+        assert said in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_scheduler_without_workers_is_told(

@@ -102,6 +102,35 @@ def test_a_job_of_a_store_is_that_of_the_photographs(tmp_path: Path) -> None:
     assert [finding.file for finding in impasto.jobs.verify(fitted)] == [str(file)]
 
 
+def test_a_store_of_photographs_is_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every bit of its numbers, files that are missing and files of others."""
+    mask = np.ones((70, 90), bool)
+    mask[3, 4] = False
+    out = impasto.ingest(stack()._replace(mask=mask), tmp_path / "stack.zarr", tile=32)
+    verify = ["job", "verify", str(out)]
+    assert main(verify) == 0
+    assert f"{out}: all files are as written" in capsys.readouterr().out
+    numbers = [path for path in out.rglob("*") if "c" in path.parts and path.is_file()]
+    assert {path.relative_to(out).parts[0] for path in numbers} >= {"samples", "mask", "scale"}
+    for path in numbers:
+        before = path.read_bytes()
+        path.write_bytes(bytes([*before[:-9], before[-9] ^ 4, *before[-8:]]))
+        (found,) = impasto.jobs.verify(out)
+        assert Path(found.file) in {path, *path.parents}, found
+        path.write_bytes(before)
+    numbers[0].unlink()
+    (out / "more").touch()
+    assert main(verify) == 3
+    said = capsys.readouterr()
+    lines = said.out.splitlines()
+    assert len(lines) == 2
+    assert f"{out / 'more'}: does not belong to the store" in lines
+    assert "made again from these by impasto ingest" in said.err
+    assert "holds photographs, not a job" in complaint(["job", "status", str(out)], 1, capsys)
+
+
 def test_a_job_knows_the_tiles_of_a_store_by_the_checksums_in_them(tmp_path: Path) -> None:
     """Numbers that change with the checksum of their chunk are found, and those without it."""
     taken = stack()

@@ -210,7 +210,7 @@ def test_a_job_that_is_killed_while_it_hashes_can_be_begun_again(tmp_path: Path)
     # A call that is refused clears what the killed one left.
     with pytest.raises(ArgumentError, match="memory"):
         impasto.run(path, out, **OPTIONS | {"memory": "1KB", "tile": None})
-    with pytest.raises(ArgumentError, match="is no job of impasto"):
+    with pytest.raises(ArgumentError, match="does not exist"):
         jobs.status(out)
     assert in_child(work) == signal.SIGKILL
     assert tree(begun(path, out)) == expected

@@ -13,7 +13,7 @@ import impasto
 from impasto import jobs
 from impasto.cli import main
 from impasto.io import write_stack
-from impasto.jobs import inspection, meter
+from impasto.jobs import meter, verification
 from impasto.jobs.journal import JOURNAL
 from interrupted_jobs import interrupting
 from killed_jobs import stack
@@ -91,7 +91,7 @@ def test_photographs_that_nobody_asked_for_are_not_opened(
     def refuse(*_: object) -> None:
         raise PermissionError
 
-    monkeypatch.setattr(inspection, "_entries_of", refuse)
+    monkeypatch.setattr(verification, "_entries_of", refuse)
     assert jobs.verify(job, inputs=False) == ()
     with pytest.raises(PermissionError):
         jobs.verify(job)

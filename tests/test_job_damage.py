@@ -23,7 +23,7 @@ from failing_steps import stack as small_stack
 from impasto import ArgumentError, CorruptInputError, ResumeMismatchError, jobs
 from impasto.io import write_stack
 from impasto.io.json_lines import sealed_line
-from impasto.jobs import inspection, journal
+from impasto.jobs import journal, lookup
 from impasto.jobs.record import JobRecord
 from interrupted_jobs import interrupting
 from job_photographs import photographs
@@ -271,7 +271,7 @@ def test_a_journal_that_is_begun_while_it_is_read_is_well(
 ) -> None:
     """The file is empty at first, and a moment later it has a line."""
     out = impasto.run(small_stack(), tmp_path / "a.zarr", **OPTIONS)
-    own, calls = inspection.read_journal, []
+    own, calls = lookup.read_journal, []
 
     def read(path: Path) -> journal.Entries:
         calls.append(path)
@@ -279,7 +279,7 @@ def test_a_journal_that_is_begun_while_it_is_read_is_well(
             raise CorruptInputError(path, "is no journal of a job")
         return own(path)
 
-    monkeypatch.setattr(inspection, "read_journal", read)
+    monkeypatch.setattr(lookup, "read_journal", read)
     assert jobs.verify(out) == ()
     assert len(calls) == 2
 
@@ -316,7 +316,7 @@ def test_a_job_that_ends_while_it_is_looked_at_is_finished(
     """Its folder gets its name between being found and being read."""
     out, partial = tmp_path / "a.zarr", tmp_path / "a.zarr.partial"
     shutil.copytree(finished, partial)
-    find = inspection.folder_of
+    find = lookup.folder_of
 
     def ends(name: str | os.PathLike[str]) -> tuple[Path, bool]:
         found = find(name)
@@ -325,7 +325,7 @@ def test_a_job_that_ends_while_it_is_looked_at_is_finished(
         return found
 
     with monkeypatch.context() as patched:
-        patched.setattr(inspection, "folder_of", ends)
+        patched.setattr(lookup, "folder_of", ends)
         seen = call(out)
     assert seen == call(out)
     assert jobs.status(out).state == "finished"
@@ -347,7 +347,7 @@ def test_a_job_that_ends_while_it_is_looked_for_is_found(
 
     with monkeypatch.context() as patched:
         patched.setattr(Path, "exists", ends)
-        assert inspection.folder_of(out) == (out, True)
+        assert lookup.folder_of(out) == (out, True)
 
 
 @pytest.mark.parametrize("entries", [{"tile": 2}, {"tile": 1, "shape": (12, 3, 2**30, 2**30)}])

@@ -106,10 +106,13 @@ def say_how_to_repair(out: Path, findings: Sequence[Finding]) -> None:
     from impasto._internal.build import build_name
     from impasto.jobs.checksums import CHECKSUMS
     from impasto.jobs.folder import NOTES, RECORD, partial_of
-    from impasto.jobs.inspection import folder_of
+    from impasto.jobs.lookup import folder_of
     from impasto.jobs.record import JobRecord
 
     if (out / CHECKSUMS).is_file():
+        return
+    if not has_kept(out):
+        console.hint("a store of photographs is made again from these by impasto ingest")
         return
     folder, whole = folder_of(out)
     notes = folder / NOTES

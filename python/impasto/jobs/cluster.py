@@ -88,9 +88,13 @@ def connected(scheduler: str | None) -> Iterator[Client | None]:
     from distributed import Client
 
     by = {"address" if "://" in scheduler else "scheduler_file": scheduler}
+    # The client would wait for a file to appear.
+    if "scheduler_file" in by and not Path(scheduler).exists():
+        raise ArgumentError(
+            f"scheduler: {scheduler} does not exist; expected the file of dask scheduler "
+            '--scheduler-file, or an address such as "tcp://10.0.0.5:8786"'
+        )
     try:
-        if "scheduler_file" in by:
-            Path(scheduler).stat()  # the client would wait for it to appear
         client = Client(**by, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ArgumentError(

@@ -75,9 +75,13 @@ def locked(folder: Path) -> Iterator[None]:
                 ) from error
         if not path.exists() or not os.path.samestat(os.fstat(handle), path.stat()):
             raise ArgumentError(f"out: another job has just ended in {folder.parent}; try again")
-        with as_problem_of(path):
-            os.truncate(handle, 0)
-            os.pwrite(handle, f"{os.getpid()}\n{socket.gethostname()}\n".encode(), 0)
+        try:
+            with as_problem_of(path):
+                os.truncate(handle, 0)
+                os.pwrite(handle, f"{os.getpid()}\n{socket.gethostname()}\n".encode(), 0)
+        except OSError:  # a full disk
+            path.unlink(missing_ok=True)
+            raise
         yield
     finally:
         # A process that was forked meanwhile has the lock, too, and may live on.

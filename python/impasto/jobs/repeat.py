@@ -27,10 +27,10 @@ from impasto.jobs.folder import (
     refuse_differences,
 )
 from impasto.jobs.grid import bytes_of, in_words
-from impasto.jobs.inspection import in_folder_of
 from impasto.jobs.job import Means, carry_out
 from impasto.jobs.kept_options import check_options
 from impasto.jobs.learning import border_of
+from impasto.jobs.lookup import in_folder_of
 from impasto.jobs.memory import kept_memory
 from impasto.jobs.photographs import Photographs, open_photographs
 from impasto.jobs.record import JobRecord

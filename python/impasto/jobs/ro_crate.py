@@ -22,11 +22,12 @@ from impasto.errors import ArgumentError, CorruptInputError
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
-from impasto.jobs.inspection import changed_files, folder_of, known_files, others
 from impasto.jobs.journal import JOURNAL, Entries
 from impasto.jobs.lock import LOCK
+from impasto.jobs.lookup import folder_of
 from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
+from impasto.jobs.verification import changed_files, known_files, others
 
 METADATA = "ro-crate-metadata.json"
 CRATE = "https://w3id.org/ro/crate/1.1"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -125,6 +125,16 @@ class StoredStack:
             if is_usual(self._path, array)
             for name, tile in array.paths()
         }
+
+    def damage(self) -> Iterator[CorruptInputError]:
+        """What is not as it was written of the arrays that are not in tiles of this version."""
+        tiled = {array.name for array, _ in self._tiles.values()}
+        for name, array in self._arrays.items():
+            if name not in tiled:
+                try:
+                    read_array(self._path, array)
+                except CorruptInputError as error:
+                    yield error
 
     def mask(self, rows: slice, columns: slice) -> NDArray[np.bool_] | None:
         """A window of the mask; None where there is none."""

@@ -1,10 +1,7 @@
-"""What a job has done, how fast it is, and whether its files are as it wrote them."""
+"""Whether the files of a job, a merged store or a store of photographs are as they were written."""
 
 from __future__ import annotations
 
-import difflib
-import json
-import math
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
@@ -12,36 +9,21 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any
 
 from impasto._internal.calls import ProgressCallback, reporting
-from impasto._internal.damage import DAMAGE
-from impasto._internal.regular import content_of
-from impasto.errors import ArgumentError, CorruptInputError
-from impasto.io.results.maps import MERGE
+from impasto.errors import CorruptInputError
 from impasto.io.results.zarr_arrays import ZarrArray
 from impasto.io.results.zarr_store import contents, levels_of, statistics_of
 from impasto.io.session.stored import StoredStack
-from impasto.jobs.beginning import bytes_read
 from impasto.jobs.checksums import CHECKSUMS, read_checksums
-from impasto.jobs.folder import (
-    NOTES,
-    READING,
-    RECORD,
-    SUFFIX,
-    check_journal,
-    check_notes,
-    has_begun,
-    numbers_problem,
-    partial_of,
-    store_name,
-    strange_notes,
-)
+from impasto.jobs.folder import NOTES, READING, RECORD, numbers_problem, store_name, strange_notes
 from impasto.jobs.grid import Grid
 from impasto.jobs.journal import JOURNAL, Entries, problem_of, read_journal
 from impasto.jobs.learning import LEARNED, digest_of
-from impasto.jobs.lock import LOCK, Holder, holder
-from impasto.jobs.memory import MEMORY, kept_memory
+from impasto.jobs.lock import LOCK, holder
+from impasto.jobs.lookup import holds_photographs, in_folder_of, journal_in
+from impasto.jobs.memory import MEMORY
 from impasto.jobs.meter import Meter
 from impasto.jobs.record import JobRecord
 from impasto.jobs.tiles import NUMBERS, PACE
@@ -49,161 +31,8 @@ from impasto.report import file_entry
 
 SHARD = r"(levels/2/)?[^/]+/c(/0)*/(?P<row>0|[1-9]\d{0,8})/(?P<column>0|[1-9]\d{0,8})"
 """Names of the files of a tile in a store: its maps, also at half their scale, and statistics."""
-ALIKE = 0.75
-"""How much of a name must be that of a job before this is asked for."""
 UNFINISHED = (RECORD, READING, LEARNED, NUMBERS, LOCK, PACE, MEMORY)
 """Files of the notes of a job that is not finished."""
-RECENT = 20
-"""Last tiles from which the pace of a job is taken."""
-
-
-Phase: TypeAlias = Literal["reading", "learning", "tiles", "scales"]
-Seen = TypeVar("Seen")
-
-
-@dataclass(frozen=True)
-class JobStatus:
-    """How far a job is.
-
-    Attributes
-    ----------
-    folder
-        The store, or while tiles are missing the folder that becomes it.
-    state
-        ``"running"``; ``"interrupted"``: no process works on it, it can be resumed;
-        ``"finished"``.
-    process
-        The process that works on it.
-    machine
-        The name of its machine, where that is another one.
-    phase
-        What that does: ``"reading"`` and hashing the photographs, while the model may already be
-        learned, ``"learning"`` the model of the whole painting, ``"tiles"``, or ``"scales"`` when
-        all tiles are there; None where nobody works on it.
-    tiles_done, tiles
-        Tiles on the disk, and all; both 0 while the photographs of a new job are read.
-    pixels_done, pixels
-        The same in pixels.
-    bytes_read, bytes_to_read
-        Of the photographs, while they are hashed; else None.
-    pixels_per_second
-        Of the last tiles; None where none is known.
-    seconds_left
-        For the other pixels at this pace; None where it is not known, 0 of a finished job.
-    memory
-        Bytes that it may take, or could when it was interrupted, and takes again if it is resumed;
-        None where it is not known, and of a finished job.
-    notes
-        What was repaired, left out or assumed while the photographs were read: kind and text.
-    reads_files
-        Whether the photographs are files, which :func:`verify` compares; False for those that were
-        in the memory of the process.
-    """
-
-    folder: Path
-    state: Literal["running", "interrupted", "finished"]
-    process: int | None
-    machine: str | None
-    phase: Phase | None
-    tiles_done: int
-    tiles: int
-    pixels_done: int
-    pixels: int
-    bytes_read: int | None
-    bytes_to_read: int | None
-    pixels_per_second: float | None
-    seconds_left: float | None
-    memory: int | None
-    notes: tuple[tuple[str, str], ...]
-    reads_files: bool
-
-
-def status(out: str | os.PathLike[str]) -> JobStatus:
-    """How far a job is, from its files alone; it is not disturbed.
-
-    Parameters
-    ----------
-    out
-        The ``out`` of :func:`impasto.run`.
-
-    Raises
-    ------
-    ArgumentError
-        There is no job of that name.
-    CorruptInputError
-        A damaged record or journal, or the journal of another job.
-    """
-    partial = partial_of(store_name(out))
-    if not (partial / NOTES / RECORD).exists() and (by := holder(partial / NOTES)) is not None:
-        return _of_beginning(partial, by)
-    return in_folder_of(out, _status_of)
-
-
-def _of_beginning(partial: Path, by: Holder) -> JobStatus:
-    """Of a job that has no record yet."""
-    read, to_read = bytes_read(partial / NOTES) or (None, None)
-    return JobStatus(
-        folder=partial,
-        state="running",
-        process=by.process,
-        machine=by.machine,
-        phase="reading",
-        tiles_done=0,
-        tiles=0,
-        pixels_done=0,
-        pixels=0,
-        bytes_read=read,
-        bytes_to_read=to_read,
-        pixels_per_second=None,
-        seconds_left=None,
-        memory=None,
-        notes=(),
-        reads_files=True,
-    )
-
-
-def _status_of(folder: Path, whole: bool) -> JobStatus:
-    """Of a job that has one, under the name of a finished store or not."""
-    notes = folder / NOTES
-    check_notes(notes)
-    record = JobRecord.read(notes / RECORD)
-    grid = record.grid
-    entries = _entries(notes)
-    if entries is not None:
-        check_journal(notes, entries)
-    pixels = grid.rows * grid.columns
-    done = 0 if entries is None else sum(map(grid.pixels, entries.tiles))
-    by = None if whole else holder(notes)
-    read, to_read = (by and bytes_read(notes)) or (None, None)
-    pace = None if whole else _pace(notes / PACE)
-    left = None if pace is None else (pixels - done) / pace
-    finished = whole and entries is not None and entries.files is not None
-    return JobStatus(
-        folder=folder,
-        state="finished" if finished else "interrupted" if by is None else "running",
-        process=None if by is None else by.process,
-        machine=None if by is None else by.machine,
-        phase=None if by is None else _phase(notes, entries, grid),
-        tiles_done=0 if entries is None else len(entries.tiles),
-        tiles=len(grid),
-        pixels_done=done,
-        pixels=pixels,
-        bytes_read=read,
-        bytes_to_read=to_read,
-        pixels_per_second=pace,
-        seconds_left=0.0 if finished else left,
-        memory=None if finished else kept_memory(notes),
-        notes=tuple((str(kind), str(text)) for kind, text in record.notes),
-        reads_files=record.source is not None,
-    )
-
-
-def _phase(notes: Path, entries: Entries | None, grid: Grid) -> Phase:
-    if (notes / READING).exists():
-        return "reading"
-    if entries is None:
-        return "learning"
-    return "tiles" if len(entries.tiles) < len(grid) else "scales"
 
 
 @dataclass(frozen=True)
@@ -236,12 +65,14 @@ def verify(
 ) -> tuple[Finding, ...]:
     """Compare every file of a job with its journal, and the photographs with its record.
 
-    Every file of a store of :func:`impasto.merge` is compared with the checksums in it.
+    Every file of a store of :func:`impasto.merge` is compared with the checksums in it, and every
+    number of a store of :func:`impasto.ingest` with those of its chunks.
 
     Parameters
     ----------
     out
-        The ``out`` of :func:`impasto.run`, finished or not, or of :func:`impasto.merge`.
+        The ``out`` of :func:`impasto.run`, finished or not, of :func:`impasto.merge` or of
+        :func:`impasto.ingest`.
     inputs
         Whether to read the photographs, too. A stack in memory is not compared.
     progress
@@ -257,91 +88,20 @@ def verify(
     Raises
     ------
     ArgumentError
-        There is neither of that name.
+        There is none of these of that name.
     """
     target = store_name(out)
     with reporting(progress, "comparing files", whole=True) as callback:
         meter = Meter(callback)
         if (target / CHECKSUMS).is_file() and not (target / NOTES / RECORD).exists():
             return tuple(sorted(set(_merged_findings(target / CHECKSUMS, meter)), key=str))
+        if holds_photographs(target):
+            return tuple(sorted(set(_photographs_findings(target, meter)), key=str))
 
         def look(folder: Path, whole: bool) -> set[Finding]:
             return set(_findings(folder, whole, inputs, meter))
 
         return tuple(sorted(in_folder_of(out, look), key=str))
-
-
-def in_folder_of(out: str | os.PathLike[str], look: Callable[[Path, bool], Seen]) -> Seen:
-    """What is seen in the folder of a job, of which ``look`` gets to know whether it is finished.
-
-    It looks again where the job has ended meanwhile, and its folder has another name.
-
-    Raises
-    ------
-    ArgumentError
-        There is no job of that name.
-    """
-    while True:
-        folder, whole = folder_of(out)
-        try:
-            seen = look(folder, whole)
-        except (FileNotFoundError, CorruptInputError):
-            if folder.exists():
-                raise
-        else:
-            if folder.exists():
-                return seen
-
-
-def folder_of(out: str | os.PathLike[str]) -> tuple[Path, bool]:
-    """The folder of a job, and whether it is finished.
-
-    Raises
-    ------
-    ArgumentError
-        There is no job of that name.
-    """
-    target = store_name(out)
-    # The finished one once more: it may have got its name since it was looked for.
-    for folder, whole in ((target, True), (partial_of(target), False), (target, True)):
-        if (folder / NOTES / RECORD).exists():
-            return folder, whole
-    if any((folder / MERGE).is_dir() for folder in (target, partial_of(target))):
-        raise ArgumentError(
-            f"{target} is no job, but made by impasto job merge: the same call goes on with it, "
-            "and impasto job verify compares it when it is finished"
-        )
-    early = partial_of(target) / NOTES
-    if (by := holder(early)) is not None:
-        raise ArgumentError(
-            f"{target} is a job that has just begun: {by} reads its photographs; wait "
-            "for it (impasto job status says how far it is)"
-        )
-    if (early / LOCK).exists():
-        raise ArgumentError(
-            f"{target} is a job that was ended while its photographs were read, so that nothing "
-            "of it is there yet: give the same impasto job run, or impasto.run, once more"
-        )
-    raise ArgumentError(
-        f"{target} is no job of impasto: expected the name that impasto.run or impasto job run was "
-        f"given as out{_jobs_beside(target)}"
-    )
-
-
-def _jobs_beside(target: Path) -> str:
-    """The jobs of the same folder, of which one may be meant."""
-    with suppress(OSError):
-        records = sorted(target.absolute().parent.glob(f"*/{NOTES}/{RECORD}"))
-        names = {name.removesuffix(SUFFIX): name for name in (_store_of(one) for one in records)}
-        wanted = target.name.removesuffix(SUFFIX)
-        beginning = [stem for stem in names if stem.startswith(wanted)]
-        if near := (beginning or difflib.get_close_matches(wanted, names, n=1, cutoff=ALIKE)):
-            return f"; did you mean {names[near[0]]!r}?"
-    return ""
-
-
-def _store_of(record: Path) -> str:
-    return store_name(record.parents[1]).name
 
 
 def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator[Finding]:
@@ -361,7 +121,7 @@ def _findings(folder: Path, whole: bool, inputs: bool, meter: Meter) -> Iterator
     if record is not None and read:
         yield from _changed_inputs(record, meter)
     try:
-        entries = _entries(notes)
+        entries = journal_in(notes)
     except CorruptInputError as error:
         yield _finding_of(error)
         return
@@ -409,7 +169,7 @@ def _inputs_of(record: JobRecord, notes: Path) -> Sequence[Mapping[str, Any]]:
     if record.source is None:
         return ()
     with suppress(CorruptInputError):  # found when the journal is read for its tiles
-        entries = _entries(notes)
+        entries = journal_in(notes)
         if entries is not None and _foreign(notes / RECORD, entries.job) is not None:
             return ()
     return record.inputs
@@ -418,7 +178,7 @@ def _inputs_of(record: JobRecord, notes: Path) -> Sequence[Mapping[str, Any]]:
 def _written_so_far(folder: Path) -> Iterator[Path]:
     """Files of a job; while photographs are compared, one that runs writes more."""
     with suppress(CorruptInputError):
-        if (entries := _entries(folder / NOTES)) is not None:
+        if (entries := journal_in(folder / NOTES)) is not None:
             yield from (folder / name for name in known_files(entries))
 
 
@@ -441,6 +201,28 @@ def _merged_findings(checksums: Path, meter: Meter) -> Iterator[Finding]:
     meter.begin(folder / name for name in known)
     yield from changed_files(folder, known, meter, f"in {CHECKSUMS}")
     yield from others(folder, {*known, CHECKSUMS})
+
+
+def _photographs_findings(store: Path, meter: Meter) -> Iterator[Finding]:
+    """The same of a store of photographs, in which every chunk has its checksum."""
+    try:
+        stored = StoredStack(store)
+    except CorruptInputError as error:
+        yield _finding_of(error)
+        return
+    yield from map(_finding_of, stored.damage())
+    files = stored.files()
+    meter.begin(files)
+    for path in files:
+        try:
+            if not path.is_file():
+                yield Finding(str(path), "is missing")
+            else:
+                stored.tile_entry(path, compare=True)
+        except CorruptInputError as error:
+            yield _finding_of(error)
+        meter.read(path)
+    yield from others(store, {path.relative_to(store).as_posix() for path in files})
 
 
 def changed_files(
@@ -548,31 +330,3 @@ def _entries_of(record: JobRecord) -> Callable[[Path], Mapping[str, Any]]:
     except (CorruptInputError, FileNotFoundError):
         return file_entry  # which are not those of tiles
     return lambda path: stored.tile_entry(path, compare=True) or file_entry(path)
-
-
-def _entries(notes: Path) -> Entries | None:
-    """The journal; None where no tile can have been written."""
-    try:
-        return read_journal(notes / JOURNAL)
-    except FileNotFoundError:
-        return None
-    except CorruptInputError:
-        if (notes / LOCK).exists() and not has_begun(notes):
-            return None  # killed while it was begun
-        return read_journal(notes / JOURNAL)  # its first line may have come while it was read
-
-
-def _pace(path: Path) -> float | None:
-    """Pixels per second of the last tiles."""
-    try:
-        lines = content_of(path).splitlines()[-RECENT:]
-    except OSError:
-        return None
-    pixels = seconds = 0.0
-    for line in lines:
-        with suppress(*DAMAGE):  # it is being written
-            entry = json.loads(line)
-            more, longer = float(entry["pixels"]), float(entry["seconds"])
-            pixels, seconds = pixels + more, seconds + longer
-    pace = pixels / seconds if seconds > 0 else 0.0
-    return pace if 0.0 < pace < math.inf else None
