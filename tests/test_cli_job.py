@@ -109,6 +109,19 @@ def test_an_interrupted_job_says_how_to_go_on(
     assert tree(out) == tree(tmp_path / "whole.zarr")
 
 
+def test_the_sample_that_a_model_is_learned_from_is_told(
+    source: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With less memory it is smaller, and the model is another."""
+    out = tmp_path / "painting.zarr"
+    assert main(job(source, out, "--sample", "3", "--quiet")) == 0
+    assert jobs.status(out).sample == 3
+    assert main(["job", "status", str(out)]) == 0
+    assert "\nlearned     from one row and column in 3 (--memory, --sample)\n" in (
+        capsys.readouterr().out
+    )
+
+
 @pytest.mark.parametrize(
     "words",
     [

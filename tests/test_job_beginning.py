@@ -246,6 +246,23 @@ def test_a_photograph_that_is_edited_and_keeps_its_date_has_changed(tmp_path: Pa
     assert opened.changed() == [file]
 
 
+def test_a_disk_that_is_full_from_the_first_byte_on_is_left_without_traces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is room for the name of the lock, and none for what stands in it."""
+    path = photographs(tmp_path)
+    before = tree(tmp_path)
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(OSError, match="No space left"):
+        begun(path, tmp_path / "painting.zarr")
+    assert tree(tmp_path) == before
+    assert not (tmp_path / "painting.zarr.partial").exists()
+
+
 def test_what_is_no_progress_is_refused_before_anything_is_made(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="progress: expected True, False or a callable"):
         impasto.run(stack(), tmp_path / "a.zarr", **OPTIONS | {"progress": "yes"})

@@ -17,6 +17,7 @@ from impasto import ArgumentError, jobs
 from impasto._internal.build import build_name
 from impasto.cli import main
 from impasto.io import write_lights, write_tiff16
+from job_photographs import photographs
 from killed_jobs import stack, tree
 
 pytest.importorskip("fcntl", reason="jobs need POSIX")
@@ -82,6 +83,18 @@ def test_a_crate_says_what_was_made_of_what(job: Path, tmp_path: Path) -> None:
         job, tmp_path / "again", name="Icon", license=address, published=day
     )
     assert tree(again) == tree(crate)
+
+
+def test_a_crate_warns_of_photographs_that_are_gone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = photographs(tmp_path)
+    out = impasto.run(path, tmp_path / "a.zarr", pooling="none", tile=64)
+    (tmp_path / "light3.tif").unlink()
+    with pytest.warns(impasto.ImpastoWarning, match=r"light3\.tif: named in the crate as an input"):
+        jobs.export_ro_crate(out, tmp_path / "one")
+    assert main(["job", "export", str(out), "--ro-crate", str(tmp_path / "two")]) == 0
+    assert "light3.tif: named in the crate" in " ".join(capsys.readouterr().err.split())
 
 
 def test_files_are_copied_where_they_cannot_be_linked(

@@ -262,6 +262,8 @@ def status(out: Annotated[Path, Parameter(name=["OUT"])], /, *, json: Flag = Fal
     rows["folder"] = str(found.folder)
     if (model := _learned_words(found.folder)) is not None:
         rows["model"] = model
+    if found.sample is not None and found.sample > 1:
+        rows["learned"] = f"from one row and column in {found.sample} (--memory, --sample)"
     if (
         found.phase != "scales"
         and found.pixels_per_second is not None
@@ -371,9 +373,10 @@ def export(
     from impasto.jobs import export_ro_crate
 
     try:
-        made = export_ro_crate(
-            out, ro_crate, name=name, description=description, license=license, progress=True
-        )
+        with Stages().warned():
+            made = export_ro_crate(
+                out, ro_crate, name=name, description=description, license=license, progress=True
+            )
     except ArgumentError as error:  # the option says of what kind the folder is
         raise ArgumentError(re.sub("^folder:", "--ro-crate:", str(error))) from error
     console.stdout().out(str(made))

@@ -67,6 +67,9 @@ class JobStatus:
     memory
         Bytes that it may take, or could when it was interrupted, and takes again if it is resumed;
         None where it is not known, and of a finished job.
+    sample
+        The model is learned from every so many rows and columns, more where memory is less; None
+        while the photographs of a new job are read.
     notes
         What was repaired, left out or assumed while the photographs were read: kind and text.
     reads_files
@@ -88,6 +91,7 @@ class JobStatus:
     pixels_per_second: float | None
     seconds_left: float | None
     memory: int | None
+    sample: int | None
     notes: tuple[tuple[str, str], ...]
     reads_files: bool
 
@@ -131,6 +135,7 @@ def _of_beginning(partial: Path, by: Holder) -> JobStatus:
         pixels_per_second=None,
         seconds_left=None,
         memory=None,
+        sample=None,
         notes=(),
         reads_files=True,
     )
@@ -167,6 +172,7 @@ def _status_of(folder: Path, whole: bool) -> JobStatus:
         pixels_per_second=pace,
         seconds_left=0.0 if finished else left,
         memory=None if finished else kept_memory(notes),
+        sample=record.sample,
         notes=tuple((str(kind), str(text)) for kind, text in record.notes),
         reads_files=record.source is not None,
     )

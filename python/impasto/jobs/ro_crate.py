@@ -11,6 +11,7 @@ import json
 import mimetypes
 import os
 import shutil
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from urllib.parse import quote
 
 from impasto._internal.calls import ProgressCallback, reporting
 from impasto._internal.wording import counted
-from impasto.errors import ArgumentError, CorruptInputError
+from impasto.errors import ArgumentError, CorruptInputError, ImpastoWarning
 from impasto.io.files import atomic_bytes
 from impasto.io.folders import new_folder
 from impasto.jobs.folder import NOTES, RECORD, check_finished
@@ -96,6 +97,14 @@ def export_ro_crate(
         raise ArgumentError(f"folder: {crate} lies in the store itself; give another place")
     with reporting(progress, "comparing files", whole=True) as callback:
         own = _checked_files(store, entries, Meter(callback))
+    gone = [] if record.source is None else _missing(record)
+    if gone:
+        more = f" and {len(gone) - 1} more" if gone[1:] else ""
+        warnings.warn(
+            f"{gone[0]}{more}: named in the crate as an input, but does not exist any more",
+            ImpastoWarning,
+            stacklevel=2,
+        )
     with new_folder(crate) as folder_of_crate:
         _link_all(store, own, folder_of_crate / store.name)
         content = {
@@ -114,6 +123,11 @@ def export_ro_crate(
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         atomic_bytes(folder_of_crate / METADATA, (text + "\n").encode())
     return crate
+
+
+def _missing(record: JobRecord) -> list[str]:
+    """Photographs and other inputs that are not where they were."""
+    return [one["file"] for one in record.inputs if not Path(one["file"]).exists()]
 
 
 def _checked_files(store: Path, entries: Entries, meter: Meter) -> list[str]:
