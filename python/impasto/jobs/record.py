@@ -24,6 +24,9 @@ UNSEALED, FORMAT = 1, 2
 """Versions of the format: without a checksum, and with one. The journal of a finished store has a
 checksum of its record, too, so that one without is still read."""
 
+SIDES = {"shape.0": "photographs", "shape.1": "bands", "shape.2": "rows", "shape.3": "columns"}
+"""What differences call the numbers of a shape."""
+
 
 @dataclass(frozen=True)
 class JobRecord:
@@ -191,7 +194,8 @@ def _differences(one: Any, two: Any) -> Iterator[str]:
     for name in sorted(first.keys() | second.keys()):
         if first.get(name) != second.get(name):
             values = _shown(first.get(name)), _shown(second.get(name))
-            yield f"{name}: the job has {values[0]}, this call {values[1]}"
+            called = SIDES.get(name, name.removeprefix("fit.").removeprefix("reading."))
+            yield f"{called}: the job has {values[0]}, this call {values[1]}"
 
 
 def _file_differences(one: Mapping[str, Any], two: Mapping[str, Any]) -> Iterator[str]:
