@@ -280,7 +280,7 @@ def test_a_job_goes_on_only_as_it_began(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="does not replace; give another name, or remove it"):
         impasto.run(stack(), out, resume=False, **OPTIONS)
     with pytest.raises(
-        ResumeMismatchError, match=r"finished \(.*; index: .*\); give another name, or remove it$"
+        ResumeMismatchError, match=r"finished \(index: .*\); give another name, or remove it$"
     ):
         impasto.run(stack(), out, index=1.6, pooling="painting", tile=64)
 
