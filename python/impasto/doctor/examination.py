@@ -67,9 +67,9 @@ def examine(stack: Stack) -> Diagnosis:
             stack = stack._replace(rig=stack.rig.take(right_order.tolist()))
             sampled = replace(sampled, lights=sampled.lights[right_order])
             surface = fit_surface(sampled.grey, sampled.lights)
-        turned = directions(sampled, surface, stack.rig.directions)
+        checked = directions(sampled, surface, stack.rig.directions)
         at_random = any(finding.numbers.get("verdict") == AT_RANDOM for finding in out_of_step)
-        found += [in_doubt(finding) for finding in turned] if at_random else turned
+        found += map(in_doubt, checked) if at_random else checked
         found += pairing(stack, sampled, similarity)
         found += strengths(stack, sampled)
         found += tone(stack)

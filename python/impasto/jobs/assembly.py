@@ -39,6 +39,10 @@ MAP = "map:"
 """Begins the names of maps, of which no pixels are left."""
 SAME = "same:"
 """Begins the names of maps that are others, whose names these are."""
+STEREO = "normals."
+"""Begins the names of the maps of photometric stereo, which a result with lobes holds, too."""
+ERRORS = ("residual", "sigma")
+"""What a fit has left and predicts of its error; pictures show neither."""
 KNOWN = "estimated"
 """Whether the tile that the numbers are from has an estimated pixel."""
 
@@ -71,7 +75,7 @@ def files_of_tile(
         if name not in same
     }
     files = {}
-    stored[STATISTICS] = _statistics(_as_stored(result, others, stored, same))
+    stored[STATISTICS] = _statistics(_as_stored(result, maps, others, stored, same))
     for name, plane in stored.items():
         array = _array(name, plane, grid)
         if 0 not in plane.shape:
@@ -166,20 +170,25 @@ def _array(name: str, plane: NDArray[Any], grid: Grid) -> ZarrArray:
 
 def _as_stored(
     result: Sbrdf,
+    maps: Mapping[str, NDArray[Any]],
     others: Mapping[str, NDArray[Any]],
     stored: Mapping[str, NDArray[Any]],
     same: Mapping[str, str],
 ) -> Sbrdf:
-    """The result as it will be read: of maps in half precision, what these say."""
-    own = {
+    """The result as pictures of the store will show it: of maps in half precision, what these say.
+
+    What no picture shows stays as it is: to convert it takes time.
+    """
+    shown = {
         name: from_store(name, plane)
         for name, plane in stored.items()
-        if not name.startswith(HALF_SCALE)
+        if name in maps and not name.startswith(STEREO) and name not in ERRORS
     }
-    if all(own[name] is plane for name, plane in stored.items() if name in own):
+    if all(shown[name] is stored[name] for name in shown):
         return result
-    maps = own | {name: own[other] for name, other in same.items()}
-    return type(result).from_maps(SavedMaps(Path(), result.kind(), {**others, **maps}))
+    again = {name: shown[other] for name, other in same.items() if other in shown}
+    arrays = {**others, **maps, **shown, **again}
+    return type(result).from_maps(SavedMaps(Path(), result.kind(), arrays))
 
 
 def _statistics(result: Sbrdf) -> NDArray[np.float64]:
