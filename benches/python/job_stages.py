@@ -127,6 +127,32 @@ def measured(folder: Path) -> dict[str, list[dict[str, Any]]]:
     return {"reading": before, "tiles": tiles}
 
 
+def sentences(before: list[dict[str, Any]], tiles: list[dict[str, Any]]) -> dict[str, str]:
+    """What the numbers say, for documentation."""
+    ms = {row["step"]: row["ms"] for row in before}
+    stereo, lobes = (
+        next(row for row in tiles if row["fit"] == fit) for fit in ("stereo", "own lobes")
+    )
+    times = {
+        "hashes": ms["hashes"] / stereo["ms"],
+        "reading": ms["reading"] / stereo["ms"],
+        "encoding": stereo["encoding ms"] / stereo["ms"],
+    }
+    return {
+        "share": (
+            f"With lobes per pixel the fit is {100.0 * lobes['files']:.0f} % of these steps from "
+            f"files and {100.0 * lobes['store']:.0f} % from a store."
+        ),
+        "copies": (
+            "No job of photometric stereo comes near the pace of the fit in memory: one tile "
+            f"computes for {1e-3 * stereo['ms']:.2f} s on the 200 MB of a megapixel. One SHA-256 "
+            f"of them takes {times['hashes']:.1f} times as long, one copy out of the system's "
+            f"cache with the bands taken apart {times['reading']:.1f} times, and its maps as files "
+            f"of a store {times['encoding']:.1f} times."
+        ),
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--record", action="store_true")
@@ -137,7 +163,8 @@ def main() -> None:
         show(f"A tile of a job: {what}", rows)
     if options.record:
         run = run_info("benches/python/job_stages.py --record")
-        write("job_stages.json", {"run": run, **found})
+        said = sentences(found["reading"], found["tiles"])
+        write("job_stages.json", {"run": run, **found, "sentences": said})
 
 
 if __name__ == "__main__":
