@@ -10,11 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import impasto
 from impasto import CorruptInputError, ResumeMismatchError, jobs
+from impasto.fit.learning import LearnedModel
 from impasto.io import write_stack
 from impasto.io.json_lines import JournalFile, opened_line, read_lines, sealed_line
 from impasto.jobs.record import JobRecord
@@ -44,6 +46,31 @@ def test_lost_files_of_a_finished_store_are_made_again(store: Path, tmp_path: Pa
     shutil.rmtree(partial / "levels")
     jobs.resume(out)
     assert tree(out) == expected
+
+
+def test_a_defect_in_one_tile_keeps_the_others(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The numerics panic at the third tile; after it is mended, the job goes on."""
+    source, out = store.with_name("painting.npz"), tmp_path / "painting.zarr"
+    apply, fitted = LearnedModel.apply, 0
+
+    def panics(*given: Any, **options: Any) -> Any:
+        nonlocal fitted
+        fitted += 1
+        if fitted == 3:
+            raise impasto.InternalError("a defect in impasto, please report it: tile")
+        return apply(*given, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(LearnedModel, "apply", panics)
+        with pytest.raises(impasto.InternalError, match="please report it: tile"):
+            impasto.run(source, out, **OPTIONS)
+    assert jobs.status(out).state == "interrupted"
+    assert jobs.status(out).tiles_done == 2
+    assert jobs.verify(out) == ()
+    jobs.resume(out)
+    assert {name for name in tree(out) if tree(out)[name] != tree(store)[name]} <= {"job/job.json"}
 
 
 def test_a_foreign_journal_is_named_by_every_call(store: Path, tmp_path: Path) -> None:

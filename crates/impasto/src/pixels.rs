@@ -397,6 +397,27 @@ mod tests {
     }
 
     #[test]
+    fn a_panic_in_a_tile_reaches_the_caller_and_leaves_the_pool_usable() {
+        let pool = Pool::new(3).unwrap();
+        let (cancel, progress) = (AtomicBool::new(false), Progress::default());
+        let run =
+            Run { pool: Some(&pool), level: Level::Baseline, cancel: &cancel, progress: &progress };
+        let squares = |bad: Option<usize>| {
+            let square = |(): &mut (), n: usize| {
+                assert!(Some(n) != bad, "tile {n}");
+                n * n
+            };
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+                run.map((0..999).collect(), || (), square)
+            }))
+        };
+        let panic = squares(Some(500)).unwrap_err();
+        assert_eq!(panic.downcast_ref::<String>().unwrap(), "tile 500");
+        let expected: Vec<usize> = (0..999).map(|n| n * n).collect();
+        assert_eq!(squares(None).unwrap(), Ok(expected));
+    }
+
+    #[test]
     fn what_is_as_large_as_the_picture_is_looked_at_tile_by_tile() {
         const TILES: usize = 5;
         let map: Vec<usize> = (0..TILES * TILE).collect();
