@@ -22,9 +22,7 @@ PROGRAM = """
 import json, sys
 import numpy as np
 import impasto
-from impasto._internal.heap import share_one_heap
 from impasto._internal.peak import peak_bytes
-share_one_heap()
 lights = json.loads(sys.argv[1])
 peaks = []
 for path in sys.argv[3:]:

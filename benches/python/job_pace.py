@@ -30,7 +30,6 @@ from jobs import BANDS, BUDGET, LIGHTS, STEREO, photographs, piece
 from record import run_info, show, write
 
 import impasto
-from impasto._internal.heap import share_one_heap
 from impasto.io import read_header
 
 FITS: dict[str, dict[str, Any]] = {
@@ -52,7 +51,6 @@ def seconds(way: str, fit: str, folder: Path) -> float:
         start = time.process_time()
         impasto.fit_sbrdf(stack, **FITS[fit])
         return time.process_time() - start
-    share_one_heap()
     impasto.run(few, folder / "few.zarr", tile=64, precision="half", **FITS[fit])
     shutil.rmtree(folder / "few.zarr")
     out = folder / "job.zarr"

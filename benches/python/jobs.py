@@ -56,7 +56,6 @@ from rigs import dome
 
 import impasto
 from impasto import simulate
-from impasto._internal.heap import share_one_heap
 from impasto._internal.windows import within
 from impasto.encoding import Encoding
 from impasto.io import read_header, write_lights
@@ -146,8 +145,7 @@ class Virtual(Photographs):
 
 
 def scaled(megapixels: float, precision: Precision, folder: Path) -> dict[str, Any]:
-    """One job in this process, whose threads share a heap as those of ``impasto job run`` do."""
-    share_one_heap()
+    """One job in this process."""
     side = round(math.sqrt(megapixels * 1e6) / 1024) * 1024 or 1024
     out = folder / "virtual.zarr"
     start, used = time.perf_counter(), time.process_time()
@@ -208,7 +206,6 @@ def moved() -> dict[str, int]:
 
 def file_job(fit: str, precision: Precision, folder: Path) -> dict[str, Any]:
     """A job on files in this process."""
-    share_one_heap()
     out, marks = folder / "job.zarr", [0.0]
     side = read_header(folder / "light00.tif").width
     tiles = math.ceil(side / 1024) ** 2

@@ -15,7 +15,6 @@ from cyclopts import App, CycloptsError, Parameter
 
 from impasto._internal.bars import time_words
 from impasto._internal.calls import ProgressCallback
-from impasto._internal.heap import share_one_heap
 from impasto._internal.memory import DEFAULT_MEMORY
 from impasto.cli import console
 from impasto.cli.codes import Exit
@@ -457,7 +456,6 @@ def _worked(
     """
     from impasto.jobs.cluster import LOST, connected, has_workers
 
-    share_one_heap()
     stages, pace = Stages(quiet=quiet), Pace(out)
     try:
         with (

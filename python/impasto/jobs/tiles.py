@@ -12,6 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from impasto._internal.heap import give_back
 from impasto._internal.recycling import Recycled, recycling
 from impasto._internal.windows import within
 from impasto.fit.learning import LearnedModel
@@ -156,6 +157,7 @@ class EncodedTile:
         """
         atomic_together({folder / name: data for name, data in self.files.items()})
         crcs = {name: crc_of(data) for name, data in self.files.items()}
+        give_back()
         return WrittenTile(TileEntry(self.estimated, crcs), self.numbers if numbers else None)
 
 
